@@ -10,7 +10,9 @@
 #   make gate                 run the smoke suite and compare it with the committed baseline
 #   make prior                train a network that tells geometry and material, about twenty minutes on one core
 #   make weights              fetch the weights of LPIPS, FID and KID, so that their tests run
-#   make docs                 write the tables and pictures that the docs take from code
+#   make docs                 write the tables and figures that the docs take from code
+#   make pictures             render small scenes and draw the pictures of the docs, some minutes
+#   make site                 build the site of all docs: runs/site/index.html
 
 SUITE ?= demo
 FUZZ_SECONDS ?= 3600
@@ -18,7 +20,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all test-gpu coverage kernels check lint fuzz gate prior weights docs clean
+.PHONY: help bench test test-all test-gpu coverage kernels check lint fuzz gate prior weights docs pictures site clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -55,6 +57,7 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+	$(BIN)/python -m pytest -q -p no:cacheprovider tests/docs/test_prose.py
 
 # Inputs of failures are kept in runs/fuzz. FUZZ_SEED=2 makes other cases; tests/fuzz/test_fuzz.py has all options.
 fuzz: kernels
@@ -73,7 +76,14 @@ weights: .venv/installed
 
 docs: .venv/installed-test
 	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py \
-		tests/reports/test_history.py tests/reports/test_history_words.py
+		tests/docs/test_reference.py tests/reports/test_history.py tests/reports/test_history_words.py
+
+pictures: .venv/installed-test
+	$(BIN)/python tests/helpers/docs_pictures.py runs/pictures
+
+site: .venv/installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "site: runs/site/index.html"
 
 clean:
 	rm -rf .venv runs build *.egg-info
@@ -89,6 +99,10 @@ clean:
 
 .venv/installed-test: pyproject.toml constraints.txt | .venv/bin/python
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+	touch $@ .venv/installed
+
+.venv/installed-docs: pyproject.toml constraints.txt | .venv/bin/python
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@ .venv/installed
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python

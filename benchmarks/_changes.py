@@ -11,7 +11,7 @@ from graycard.methods import Changes, Composable, Composed, Decomposition, Relig
 
 
 def changes_for(decomposition: Decomposition, capture: Capture, scene: Path) -> Changes:
-    """What a fitted method is to show besides the scene as it is, as far as it can.
+    """Changes that a fitted method shows besides the scene as it is, as far as it can.
 
     Args:
         decomposition: What was fitted.
@@ -106,6 +106,6 @@ def _copied(light: Light, source: Path, folder: Path) -> Light:
 
 
 def _beside(capture: Capture) -> Path:
-    """Where images of environments are copied to: it goes with the copy of the capture."""
+    """Folder for copies of images of environments: it goes with the copy of the capture."""
     assert capture.root is not None, "a copied capture lies on disk"
     return capture.root.parent / "relighting"

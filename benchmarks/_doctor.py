@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What this machine offers, and what to do for the rest."""
+"""State of this machine, and what to do for the rest."""
 
 import os
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Finding:
     name: str
     found: str
     advice: str = ""
-    """What to do; empty if all is well."""
+    """Advice; empty if all is well."""
 
 
 def findings(folder: Path) -> list[Finding]:

@@ -51,7 +51,7 @@ class FitSpec:
     label: str = ""
     """Name in tables; that of the method if empty."""
     priors: PriorSpec = field(default_factory=PriorSpec)
-    """What answers the method's asks."""
+    """Source of answers to the method's asks."""
     donor: Path | None = None
     """The scene, ``DATASET/<track>/<scene>``, whose object the truth shows in this one: it is fitted too, and
     its object put in. None: that is left out."""
@@ -65,7 +65,7 @@ class FitSpec:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What is to be recorded of a fit."""
+    """Record of a fit."""
 
     cost: Cost
     access: Access

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bench has to know of a method before it fits it, found out where truth is closed.
+"""Introductions: what a bench has to know of a method before it fits it, found out where truth is closed.
 
 Code of others runs when it is imported. So a method that does not come with graycard is never imported by the
 bench itself, but by a worker process of its own, behind the guard of a fit; what comes back is text.
@@ -38,7 +38,7 @@ def introduce(
     limits: Limits = USUAL,
     allowed: tuple[Path, ...] = (),
 ) -> list[Introduction]:
-    """What each method says of itself.
+    """Return what each method says of itself.
 
     Args:
         methods: Of a suite.
@@ -60,7 +60,8 @@ def introduce(
 
 
 def introduction_of(method: SuiteMethod) -> Introduction:
-    """What one method says of itself; it is imported. Of predictions of other code: that they are such.
+    """Return what one method says of itself; it is imported. Of predictions of other code: that they are
+    such.
 
     Raises:
         UnknownNameError: It does not exist.

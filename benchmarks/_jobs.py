@@ -78,7 +78,7 @@ class FitJob:
     donor: Path | None = None
     """The scene whose object is put in; None: none is."""
     stages: Path | None = None
-    """Where fits of the same code leave stages that others go on from."""
+    """Folder in which fits of the same code leave stages for others."""
     given: Given | None = None
     """Predictions of other code, taken in place of a fit."""
     allowed: tuple[Path, ...] = ()
@@ -103,7 +103,7 @@ class Done:
 
     @property
     def fitted(self) -> Fitted | None:
-        """What is to be recorded; None where nothing was fitted."""
+        """Record; None where nothing was fitted."""
         return Fitted(self.cost, self.access) if self.cost and self.access else None
 
 
@@ -202,7 +202,7 @@ def find_scores(job: FitJob) -> Outcome | None:
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:
-    """What scores depend on: the code that makes them, the predictions, the truth, the protocols."""
+    """Inputs of scores: the code that makes them, the predictions, the truth, the protocols."""
     truth = sha256(job.scene / "truth" / "manifest.json")
     return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 

@@ -19,7 +19,7 @@ class SceneTemplate:
     track: Name
     family: Name
     knobs: Mapping[str, Any] = field(default_factory=dict)
-    """As those of a scene; of a list the values are taken in turn."""
+    """Knobs as those of a scene; of a list the values are taken in turn."""
 
     def scene(self, seed: int, turn: int) -> SceneSpec:
         """Return the scene of a seed, when so many of this kind came before it."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ``run.json`` says of a bench, and what an earlier bench has said there."""
+"""``run.json``: records of a bench, and of an earlier bench in the same folder."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -49,7 +49,15 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
     summary = f"{known.summary} ({changed})" if changed else known.summary
-    return MethodRecord(method.row, summary, known.needs, method.entry, method.slack, method.predictions)
+    return MethodRecord(
+        name=method.row,
+        summary=summary,
+        sees=known.needs,
+        entry=method.entry,
+        slack=method.slack,
+        predictions=method.predictions,
+        tracks=method.tracks,
+    )
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
@@ -74,7 +82,7 @@ def commitment_of(suite: Suite) -> str:
 
 
 def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
-    """How a job ended: its scores and its cost, or why there are none."""
+    """End of a job: its scores and its cost, or why there are none."""
     reason = fitted.reason or (scored.reason if scored else "not scored")
     return JobResult(
         job=fit.job,
@@ -121,7 +129,7 @@ def of_machines(machines: Machines | None) -> dict[str, Any]:
 def record_before(
     run: Path, suite: Suite, budget: float = 1.0, edition: Edition | None = None
 ) -> RunRecord | None:
-    """What an earlier bench left in this folder.
+    """Return what an earlier bench left in this folder.
 
     Raises:
         RunError: It was of another suite, at another budget, or of another edition.
@@ -193,7 +201,8 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
-    """Whether each fit of a record is in the earlier one by its hash: made by the same code from the same.
+    """Return whether each fit of a record is in the earlier one by its hash: made by the same code from the
+    same.
 
     That its results lay in the folder is not enough: a bench that was killed leaves results there which
     no record tells of, and the environment of the record before is not theirs.

@@ -53,7 +53,7 @@ from graycard.benchmarks._submitted import check_folder
 from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning._parts import Part
-from graycard.benchmarks.planning._plan import STAGES, plan_fits
+from graycard.benchmarks.planning._plan import STAGES, part_of_plan, plan_fits
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import sha256, write_json
@@ -216,14 +216,11 @@ def run_part(
         GraycardError: As of :func:`run_bench`.
     """
     bench, known = _begun(Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, None, terms))
-    each = len(suite.methods) * len(suite.seeds)
-    own = part.share(len(suite.scenes) * each)
-    if not own:
+    scenes, own = part_of_plan(bench.suite, part)
+    if scenes.start == scenes.stop:
         return ()
-    first = own.start // each
     with tidied(bench.run, bench.dataset):
-        scenes = _render(bench, bench.suite.scenes[first : (own.stop - 1) // each + 1])
-        plan = _planned(bench, known, scenes)[own.start - first * each : own.stop - first * each]
+        plan = _planned(bench, known, _render(bench, bench.suite.scenes[scenes]))[own]
         fitted = _fit(bench, plan)
         return _results(fitted, _score(bench, fitted), run)
 

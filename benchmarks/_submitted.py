@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions of other code as a row of a bench: they are taken as they are, and scored as any others.
 
-FOLDER/<track>/<scene>/predictions.json views/ ...   as docs/formats.md describes
+FOLDER/<track>/<scene>/predictions.json views/ ...   as docs/reference/formats.md describes
 """
 
 import hashlib
@@ -52,7 +52,7 @@ def check_folder(folder: str, scenes: Sequence[tuple[str, str]]) -> None:
     track, scene = scenes[0]
     raise PredictionError(
         f"expected predictions of other code for a scene of the suite in {root.absolute()}, as "
-        f"{track}/{scene}/{INDEX}, got {got}. See docs/suites.md"
+        f"{track}/{scene}/{INDEX}, got {got}. See docs/reference/suite-files.md"
     )
 
 

@@ -34,19 +34,23 @@ class SuiteMethod:
     label: str = ""
     """The row of a table; the name if empty. Variants of one method need labels of their own."""
     priors: PriorSpec = field(default_factory=PriorSpec)
-    """What answers the method's asks."""
+    """Source of answers to the method's asks."""
     composes: bool = False
-    """Whether objects of other scenes are put in where the truth has a picture of it: each is fitted in the
-    scene that it comes from, by a fit of its own beside that of the job."""
+    """True if objects of other scenes are put in where the truth has a picture of it: each is fitted in
+    the scene that it comes from, by a fit of its own beside that of the job."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline: a fit of many steps ends elsewhere on another processor."""
     predictions: str = ""
     """A folder with predictions of other code, ``<track>/<scene>/`` in it, relative to where graycard runs:
     nothing is fitted, and ``name`` is that of no method. Empty: the method is fitted."""
+    tracks: tuple[str, ...] = ()
+    """Tracks that the row runs on; all if empty."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.slack < math.inf:
             raise ValueError(f"expected a slack of 1 or more for {self.row}, got {self.slack}")
+        for track in self.tracks:
+            check_track(track)
         fitted = self.settings or self.label or self.composes or self.priors != PriorSpec()
         if self.predictions and fitted:
             raise ValueError(
@@ -61,15 +65,19 @@ class SuiteMethod:
         """The row of a table."""
         return self.label or self.name
 
+    def runs_on(self, track: str) -> bool:
+        """Return whether the row runs on a track."""
+        return not self.tracks or track in self.tracks
+
     @property
     def entry(self) -> str:
-        """What is loaded; empty where predictions are submitted."""
+        """Return what is loaded; empty where predictions are submitted."""
         return "" if self.predictions else self.name
 
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """What a bench runs: every method on every scene with every seed."""
+    """Work of a bench: every method on every scene with every seed."""
 
     name: Name
     version: int
@@ -139,8 +147,12 @@ class Suite:
         """The scenes of the reserve, in order."""
         return self.reserve.drawn() if self.reserve else ()
 
+    def rows_on(self, track: str) -> tuple[SuiteMethod, ...]:
+        """Return the rows that run on a track."""
+        return tuple(method for method in self.methods if method.runs_on(track))
+
     def render_of(self, scene: SceneSpec) -> RenderSettings:
-        """How a scene of this suite is photographed."""
+        """Return how a scene of this suite is photographed."""
         of_track = self.samples.get(scene.track, self.render.samples)
         return replace(self.render, samples=self.samples.get(scene.family, of_track))
 
@@ -197,14 +209,21 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
 
     Raises:
         UnknownNameError: A track does not exist.
-        RecordError: The suite has no scene on these tracks.
+        RecordError: The suite has no scene on these tracks, or a named row runs on none of them.
     """
     wanted = [check_track(track) for track in tracks] or list(TRACKS)
     scenes = tuple(scene for scene in suite.scenes if scene.track in wanted)
     if not scenes:
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
     chosen = {m.row: m for name in methods for m in _named(suite, name)}
-    return replace(suite, scenes=scenes, methods=tuple(chosen.values()) or suite.methods)
+    there = {scene.track for scene in scenes}
+    if idle := [m for m in chosen.values() if not any(map(m.runs_on, there))]:
+        raise RecordError(
+            f"expected rows that run on {', '.join(sorted(there))}, got {idle[0].row}, which runs on "
+            f"{', '.join(idle[0].tracks)}. Mend --methods or --tracks"
+        )
+    rows = chosen.values() or [m for m in suite.methods if any(map(m.runs_on, there))]
+    return replace(suite, scenes=scenes, methods=tuple(rows))
 
 
 def scaled_iterations(iterations: int, budget: float) -> int:

@@ -3,4 +3,4 @@
 
 NAME, VERSION = "graycard", 1
 PROTOCOL = f"{NAME}-{VERSION}"
-"""As scores carry it; a change to any of the rules is a new version."""
+"""Name and version in scores; a change to any of the rules is a new version."""

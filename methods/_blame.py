@@ -33,7 +33,7 @@ def blame(method: str) -> Iterator[None]:
 
 
 def words_of(error: BaseException) -> str:
-    """What an exception says, as text that can be written to a file, even if saying it fails."""
+    """Return what an exception says, as text that can be written to a file, even if saying it fails."""
     try:
         return str(error).encode(errors="replace").decode()
     except Exception:  # a method's own exception may be broken too

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a method is: it fits a capture and gives a decomposition, which renders layers for a camera.
+"""Contract of a method: it fits a capture and gives a decomposition, which renders layers for a camera.
 
 A decomposition claims only what it can do: the layers in ``provides``, and the verbs of the smaller
 protocols :class:`Relightable`, :class:`Composable` and :class:`Removable`. What it does not claim is "not
@@ -20,8 +20,8 @@ from graycard.methods._priors import Priors as Priors
 from graycard.methods._priors import Relit as Relit
 
 LIGHTS, RELIGHTING, COMPOSITION = "lights", "relighting", "composition"
-"""What ``needs`` calls the true lights, and the true pictures under changed ones and with an object put in;
-everything else in it is the name of a layer."""
+"""Names in ``needs`` of the true lights, and the true pictures under changed ones and with an object put
+in; everything else in it is the name of a layer."""
 
 
 def check_layers(asked: Sequence[str], provided: Collection[str]) -> None:
@@ -37,7 +37,7 @@ def check_layers(asked: Sequence[str], provided: Collection[str]) -> None:
 
 @runtime_checkable
 class Decomposition(Protocol):
-    """What a fitted method says about a scene."""
+    """Results of a fitted method for a scene."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -105,12 +105,12 @@ class Guest:
     """An object of another scene, as the same method has taken that scene apart."""
 
     decomposition: Decomposition
-    """Of that whole scene, in its world."""
+    """Decomposition of that whole scene, in its world."""
     cameras: Mapping[str, Camera]
-    """Of its training views, by their names."""
+    """Masks of its training views, by their names."""
     masks: Mapping[str, np.ndarray]
-    """Where they see the object, shape ``(H, W)``, bool: they say which one is meant, as the mask of a target
-    does."""
+    """Masks where they see the object, shape ``(H, W)``, bool: they say which one is meant, as the mask of
+    a target does."""
 
 
 @runtime_checkable
@@ -145,7 +145,9 @@ class Counting(Protocol):
     """A decomposition that counts work, so that costs can be compared without a clock."""
 
     def counts(self, camera: Camera) -> Mapping[str, float]:
-        """What a picture for a camera takes, by name, as ``light evaluations``: how often light is found."""
+        """Return what a picture for a camera takes, by name, as ``light evaluations``: how often light is
+        found.
+        """
         ...
 
 
@@ -236,5 +238,5 @@ class Asking(Method, Protocol):
 
 
 def asks_of(method: Method) -> tuple[Ask, ...]:
-    """What a method asks a prior for; empty for one that asks nothing."""
+    """Questions to a prior; empty for one that asks nothing."""
     return method.asks if isinstance(method, Asking) else ()

@@ -33,7 +33,9 @@ from graycard.predictions import (
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What a fitted method is asked to show besides the scene as it is; nothing of it is seen in the fit."""
+    """Changes that a fitted method shall show besides the scene as it is; nothing of it is seen in the
+    fit.
+    """
 
     relighting: Mapping[str, tuple[Light, ...]] = field(default_factory=dict)
     """The lights that shine after each change of them, by the name of the change."""

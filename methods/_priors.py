@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a method is told beyond the capture: truth that it needs, and a prior that it may ask again and again.
+"""Inputs of a method beyond the capture: truth that it needs, and a prior that it may ask again and again.
 
 A prior is asked with an image, as a network would be: a method may ask for depth from a photograph, and
 later once more from the albedo that it has found. Whatever answers stands behind :class:`PriorModel`; that
@@ -26,14 +26,14 @@ Lamp = PointLight | SpotLight
 """Lamps on a camera that can be calibrated."""
 PHOTOGRAPH = "photograph"
 SUBJECTS = ("glossy", "target")
-"""What a mask may be asked for: surfaces with visible reflections, or the object that the task names."""
+"""Subjects of masks: surfaces with visible reflections, or the object that the task names."""
 FRACTIONS = ("base_color", "roughness", "metallic")
 """Kinds whose values are shares of one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Ask:
-    """What a method will ask a prior for; declared, so that a lack is met before any time is spent."""
+    """Questions of a method to a prior; declared, so that a lack is met before any time is spent."""
 
     kind: PriorKind
     of: tuple[str, ...] = (PHOTOGRAPH,)
@@ -42,7 +42,7 @@ class Ask:
     knows the truth of radiance and of materials, and of no other. For ``light`` it says nothing: one
     calibration is for the whole capture."""
     optional: bool = False
-    """Whether the method also works without: then it looks into :attr:`Priors.kinds`."""
+    """True if the method also works without: then it looks into :attr:`Priors.kinds`."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -66,7 +66,7 @@ class Question:
     of: str = ""
     """Subject of a mask, or layer to inpaint."""
     hole: np.ndarray | None = None
-    """Where inpainting is to fill in, shape ``(H, W)``, bool."""
+    """Hole, where inpainting is to fill in, shape ``(H, W)``, bool."""
 
 
 class PriorModel(Protocol):
@@ -92,14 +92,14 @@ class Composed:
     """The held-out views with an object of another scene put in, as they truly are."""
 
     composition: Composition
-    """What was put in."""
+    """Object that was put in."""
     radiance: Mapping[str, np.ndarray]
     """By view name, each ``(H, W, 3)``, W/m²/sr."""
 
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """What a method is handed beyond the capture: the truth that it needs, and what it may ask.
+    """Inputs of a method beyond the capture: the truth that it needs, and what it may ask.
 
     Images are handed in linear and in display range (a photograph times the exposure of the capture, or an
     albedo), shape ``(H, W, 3)`` of the view's camera. Answers are float64. Every verb raises
@@ -117,7 +117,7 @@ class Priors:
     composition: Composed | None = None
     """Truth with an object put in, where a method needs it."""
     models: Mapping[str, PriorModel] = field(default_factory=dict)
-    """What answers when it is shown an image, by kind."""
+    """Models that answer when shown an image, by kind."""
     calibration: Lamp | None = None
     """The lamp on the camera as somebody has measured it, in camera axes."""
 
@@ -170,7 +170,7 @@ class Priors:
         return self._ask(Question("metallic", view, image))
 
     def mask(self, image: np.ndarray, view: View, of: str) -> np.ndarray:
-        """Where a subject (``glossy``, ``target``) is seen, shape ``(H, W)``, bool."""
+        """Return where a subject (``glossy``, ``target``) is seen, shape ``(H, W)``, bool."""
         if of not in SUBJECTS:
             raise UnknownNameError("subject of a mask", of, SUBJECTS)
         return self._ask(Question("mask", view, image, of))
@@ -244,7 +244,7 @@ def _check_image(question: Question) -> None:
 
 
 def _fault(question: Question, answer: np.ndarray) -> str | None:
-    """What is wrong with an answer, as "expected …, got …"; else None."""
+    """Return what is wrong with an answer, as "expected …, got …"; else None."""
     kind, shape = question.kind, np.shape(question.image)
     height, width = shape[:2]
     if kind == "mask":
@@ -257,7 +257,7 @@ def _fault(question: Question, answer: np.ndarray) -> str | None:
 
 
 def _fault_of_values(kind: ImageKind, answer: np.ndarray) -> str | None:
-    """What no depth, normal or share of one can be."""
+    """Values that no depth, normal or share can have."""
     if kind == "depth" and answer.min() <= 0:
         return f"expected depth > 0, got {answer.min():.4g}"
     if kind == "normal":

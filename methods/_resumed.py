@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Resumed:
-    """What fits found on disk."""
+    """Stages that fits found on disk."""
 
     seconds: float = 0.0
     """Wall time that it took when it was done."""

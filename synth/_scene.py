@@ -14,7 +14,7 @@ Vector = tuple[float, float, float]
 
 _NAME = re.compile(r"[\w-]+")
 _TAKEN = ("var", "half_a", "half_b")
-"""What layers of an estimate end in."""
+"""Suffixes of the layers of an estimate."""
 
 
 def triple(values: np.ndarray) -> Vector:
@@ -30,7 +30,7 @@ class Texture:
     pixels: np.ndarray
     """Shape ``(H, W, 3)``, linear Rec.709 reflectance; tiles in both directions."""
     repeat: tuple[float, float] = (1.0, 1.0)
-    """How often it is repeated for one unit of u and of v."""
+    """Repetition: how often it is repeated for one unit of u and of v."""
     smooth: bool = True
     """Bilinear; else nearest, for colours that must not mix."""
 
@@ -91,7 +91,7 @@ class Conductor:
 Material = Matte | Glossy | LambertGGX | Conductor
 
 MATERIALS = ("lambert-ggx", "principled")
-"""What surfaces that shine are made of: the papers' own material, or Disney's, which is none of theirs."""
+"""Materials of surfaces that shine: the papers' own material, or Disney's, which is none of theirs."""
 
 
 def polished(kind: str, color: Color, roughness: float, metallic: float = 0.0) -> Material:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene is made from: which family, which seed, which knobs, and how it is photographed."""
+"""Specification of a scene: which family, which seed, which knobs, and how it is photographed."""
 
 import math
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ SUB_BUFFERS = 4
 
 @dataclass(frozen=True, slots=True)
 class CaptureSettings:
-    """What a user's camera and programs make of a scene; truth is as it is.
+    """Capture settings of a scene; truth is as it is.
 
     Raises:
         ValueError: A number is out of its range.
@@ -32,7 +32,7 @@ class CaptureSettings:
     outliers: float = 0.015
     """Share of the points that are wrong matches."""
     bits: int = 0
-    """Of photographs, sRGB-encoded; 0 keeps linear light without rounding."""
+    """Bits of photographs, sRGB-encoded; 0 keeps linear light without rounding."""
     shot_noise: float = 0.0
     """Electrons that a pixel counts at white, such as 8000; 0 for light without noise."""
     read_noise: float = 0.0
@@ -55,7 +55,7 @@ TrainingLayers = Literal["all", "needed"]
 
 @dataclass(frozen=True, slots=True)
 class RenderSettings:
-    """How a scene is photographed.
+    """Render settings.
 
     Raises:
         ValueError: A number is out of its range, or ``samples`` is not 4 times a square.
@@ -72,11 +72,11 @@ class RenderSettings:
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only, 1 shows the sources alone."""
     relighting: bool = True
-    """Whether the held-out views are made under changed lights too."""
+    """True if the held-out views are made under changed lights too."""
     composition: bool = True
-    """Whether they are made with an object of another scene in them too, where lights stand still."""
+    """True if they are made with an object of another scene in them too, where lights stand still."""
     capture: CaptureSettings = field(default_factory=CaptureSettings)
-    """What is made of the rendered pictures."""
+    """Products of the rendered pictures."""
     training_samples: int = 0
     """Light paths per pixel of training views, whose noise photographs show; 0 for as many as of others."""
     training_layers: TrainingLayers = "all"

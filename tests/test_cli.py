@@ -4,7 +4,6 @@
 import json
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tyro
 
 from fault_planting import reseal
 from graycard import (
@@ -30,13 +28,9 @@ from graycard import (
     open_truth,
 )
 from graycard.cli import main
-from graycard.cli._parse import parse_verb
-from graycard.cli._runs import FitCommand
 from graycard.cli._table import VERBS, find_verb
 from graycard.dataset import manifest_of
 from graycard.io import read_json
-from graycard.methods import load_method
-from graycard.methods.priors import parse_priors
 from graycard.predictions import finish_predictions, write_view
 from graycard.records import read_score_sheet
 from graycard.synth import find_llvm, use_renderer
@@ -542,69 +536,6 @@ def test_it_runs_as_a_module():
         [sys.executable, "-m", "graycard", "--help"], capture_output=True, text=True, check=True
     )
     assert all(verb.name in done.stdout for verb in VERBS)
-
-
-def commands_of(page: str) -> list[str]:
-    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
-    lines = [line.split(" #")[0].strip() for block in blocks for line in block.splitlines()]
-    return [line for line in lines if line.startswith("graycard ")]
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/methods.md", "docs/claims.md"])
-def test_the_pages_name_commands_that_exist(page: str):
-    commands = commands_of(page)
-    assert commands
-    for command in commands:
-        _, name, *args = shlex.split(command)
-        parsed, rest = parse_verb(find_verb(name), args)
-        assert type(parsed) is find_verb(name).load()
-        if isinstance(parsed, FitCommand):  # what is left is for the method
-            tyro.cli(load_method(parsed.method).settings_type, args=rest)
-        else:
-            assert rest == []
-
-
-def test_the_method_of_the_docs_works(make_scene: Callable[..., Path], tmp_path: Path):
-    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/methods.md").read_text(), re.DOTALL)[0]
-    (tmp_path / "median.py").write_text(code)
-    scene = make_scene()
-    graycard = Path(sys.executable).with_name("graycard")  # the console script, from the working directory
-    fit = [str(graycard), "fit", "median:Median", str(scene), "--out", "p", "--save", "d"]
-    subprocess.run(fit, cwd=tmp_path, check=True, capture_output=True)
-    assert main(["score", str(tmp_path / "p"), str(scene)]) == 0
-
-
-def test_the_predictions_of_the_docs_work(
-    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
-    scene = make_scene(scene="corridor-1234")
-    (tmp_path / "dataset").rename(tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
-    exec(compile(code, "docs/formats.md", "exec"), {})
-    lights = re.findall(r"```json\n(\[.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
-    Path("mine/lights.json").write_text(lights)
-    assert len(open_predictions(Path("mine")).lights() or ()) == 6
-    Path("mine/lights.json").unlink()
-    assert main(["score", "mine", str(Path("data") / "dark" / scene.name)]) == 0
-
-
-def test_the_removal_of_the_docs_works(
-    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-):
-    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[1]
-    make_scene(track="tabletop", scene="glossy-table-1234")
-    (tmp_path / "dataset").rename(tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
-    exec(compile(code, "docs/formats.md", "exec"), {})
-    assert main(["score", "removed", "data/tabletop/glossy-table-1234"]) == 0
-    assert "counterfactual.psnr" in capsys.readouterr().out
-
-
-def test_the_priors_of_the_docs_are_read(tmp_path: Path):
-    text = re.findall(r"```toml\n(source = .*?)```", (ROOT / "docs/suites.md").read_text(), re.DOTALL)[0]
-    (tmp_path / "p.toml").write_text(text)
-    assert str(parse_priors(str(tmp_path / "p.toml"))) == "oracle, severity 2; mask: oracle, severity 4"
 
 
 @pytest.fixture

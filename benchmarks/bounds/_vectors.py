@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well one vector a point can tell which lights reach it, as GS-ID has it (Du et al., ICCV 2025).
+"""Bounds for one visibility vector a point, as GS-ID has it (Du et al., ICCV 2025).
 
 A reading turns the cosine between the vector and the direction to a light into the share of that light which
 arrives. The vector that a fit could find at best is looked for, point by point, among directions that cover
@@ -26,7 +26,7 @@ _AT_A_TIME = 100
 
 @dataclass(frozen=True, slots=True)
 class VectorBound:
-    """What remains at best in one scene."""
+    """Least errors in one scene."""
 
     scene: str
     lights: int
@@ -89,7 +89,8 @@ def best_vector_errors(toward: np.ndarray, arrives: np.ndarray, facing: np.ndarr
 def _seen(
     truth: Truth, view: View, lights: Sequence[LocalLight]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of points that a view sees and that face a light: ways to the lights, what arrives, which they face.
+    """Geometry of points that a view sees and that face a light: ways to the lights, what arrives, which they
+    face.
 
     Raises:
         DatasetError: It is not known what is in the way of a light.

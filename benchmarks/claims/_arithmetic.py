@@ -9,7 +9,7 @@ from graycard.benchmarks.claims._rules import RULES
 from graycard.records import CheckResult, ClaimResult, ClaimVerdict
 
 _ROUNDING = 1e-9
-"""Of binary numbers, beside that of printed ones."""
+"""Rounding error of binary numbers, beside that of printed ones."""
 
 
 def judge_arithmetic(found: Arithmetic) -> ClaimResult:

@@ -22,7 +22,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What is compared: one number of a row on a scene."""
+    """Compared quantity: one number of a row on a scene."""
 
     metric: str
     """Id of a metric; or ``cost.wall_s``, ``cost.peak_memory_mib``, or ``count.<name>`` for what a method
@@ -36,13 +36,13 @@ class Quantity:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is the metric itself, of which the best row is known to be the best."""
+        """Return whether it is the metric itself, of which the best row is known to be the best."""
         return not self.less
 
 
 @dataclass(frozen=True, slots=True)
 class Scenes:
-    """Which scenes of the track; all, where nothing is said."""
+    """Scenes of the track; all, where nothing is said."""
 
     families: tuple[str, ...] = ()
     knobs: Mapping[str, Span] = field(default_factory=dict)
@@ -68,20 +68,20 @@ class Check:
 
     id: Label
     says: str
-    """What has to be seen, in words."""
+    """Expected observation, in words."""
     rule: Rule
     quantity: Quantity
     rows: tuple[str, ...]
     """One row, judged against ``against``; two, the first against the second; or one for each level."""
     expects: Expects
-    """Whether the first row is claimed to have the higher or the lower value, or whether values rise or fall
-    with the levels: effects in this sense are positive."""
+    """Claimed direction: whether the first row is claimed to have the higher or the lower value, or
+    whether values rise or fall with the levels: effects in this sense are positive."""
     minus: tuple[str, ...] = ()
     """Rows that are subtracted from those of the levels, one for each."""
     levels: tuple[float, ...] = ()
-    """What the rows of ``monotone`` stand for, rising; 0, 1, 2, ... if left out."""
+    """Levels of ``monotone``, rising; 0, 1, 2, ... if left out."""
     against: float = 0.0
-    """What a single row is judged against."""
+    """Number that a single row is judged against."""
     scale: Scale = "difference"
     """``ratio``: how many times as large, which is what costs are compared by."""
     paper: float | None = None
@@ -140,7 +140,7 @@ class Nested:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """What a paper says, and the comparisons that it comes down to."""
+    """Statements of a paper, and the comparisons that it comes down to."""
 
     id: Label
     sentence: str
@@ -158,9 +158,9 @@ class Claim:
     trivial: str = ""
     """The row that costs nothing; that of the paper's file if empty."""
     figures: Mapping[str, str] = field(default_factory=dict)
-    """Of the paper, by what they are of."""
+    """Figures of the paper, by name."""
     notes: tuple[str, ...] = ()
-    """What differs here from the paper."""
+    """Differences from the paper."""
 
     def __post_init__(self) -> None:
         check_unique("checks", (check.id for check in self.checks), self.id)
@@ -185,7 +185,7 @@ class Arithmetic:
     stated: Mapping[str, float] = field(default_factory=dict)
     """By row: the mean as the paper prints it. Empty: all rows should differ from each other."""
     decimals: int = 2
-    """Of the printed figures."""
+    """Unit of the printed figures."""
     unit: str = "1"
     notes: tuple[str, ...] = ()
 
@@ -272,7 +272,7 @@ def check_unique(what: str, names: Iterable[str], where: str) -> None:
 
 
 def _rows_fault(check: Check) -> str:
-    """What is wrong with the rows, as the end of ``expected ...``; empty if nothing."""
+    """Return what is wrong with the rows, as the end of ``expected ...``; empty if nothing."""
     count = len(check.rows)
     if len(set(check.rows)) < count:
         return f"rows that differ, got {list(check.rows)}"
@@ -289,7 +289,7 @@ def _rows_fault(check: Check) -> str:
 
 
 def _size_fault(check: Check) -> str:
-    """What is wrong with the sizes, as the end of ``expected ...``; empty if nothing."""
+    """Return what is wrong with the sizes, as the end of ``expected ...``; empty if nothing."""
     neutral = check.neutral
     if not 0 <= check.negligible < math.inf or (check.negligible and check.rule == "within"):
         return f"negligible of 0 or more, and none for within, got {check.negligible}"

@@ -19,9 +19,9 @@ COSTS = {
         "cost.peak_memory_mib", "Peak memory", "cost", "MiB", False, 0.0, "of the process", False, 0.0
     ),
 }
-"""What the run record knows of a fit besides its scores."""
+"""Values of a fit besides its scores."""
 COUNT = "count."
-"""How the ids of what methods count begin."""
+"""Prefix of ids of counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +33,9 @@ class Reading:
     reason: str = ""
     """Why."""
     absent: bool = False
-    """Whether the scene has no such quantity, rather than the row having failed to give it."""
+    """True if the scene has no such quantity, rather than the row having failed to give it."""
     ceiling: float | None = None
-    """What no error at all comes to where the truth is noisy; None where that is not known."""
+    """Score without any error where the truth is noisy; None where that is not known."""
 
 
 class Readings:
@@ -66,7 +66,7 @@ class Readings:
         ]
 
     def record(self, quantity: Quantity) -> MetricRecord:
-        """What a quantity means; direction and unit are those of its metric.
+        """Meaning of a quantity; direction and unit are those of its metric.
 
         Raises:
             RecordError: The run has no such metric.
@@ -84,7 +84,7 @@ class Readings:
         return (self._metrics | COSTS)[quantity.metric]
 
     def _protocol(self, quantity: Quantity) -> MetricRecord:
-        """What the scores by a published protocol say of themselves."""
+        """Descriptions of scores by a published protocol."""
         sheets = [r.sheet for results in self._results.values() for r in results if r.sheet]
         for score in (s for sheet in sheets for s in sheet.protocols):
             if score.protocol == quantity.protocol:

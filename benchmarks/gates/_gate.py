@@ -32,7 +32,7 @@ class Expected:
 
     @property
     def key(self) -> tuple[str, str, str, int, str, str]:
-        """What identifies the score."""
+        """Key of the score."""
         return self.track, self.scene, self.method, self.seed, self.metric, self.protocol
 
 
@@ -94,7 +94,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class GateVerdict:
-    """What the gate says."""
+    """Verdict of the gate."""
 
     worse: tuple[Change, ...]
     """The largest loss first, in tolerances."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from graycard.benchmarks._jobs import FitJob
 from graycard.benchmarks._submitted import given_for
 from graycard.benchmarks._suites import Suite, SuiteMethod
+from graycard.benchmarks.planning._parts import Part
 from graycard.io import dumps, sha256, to_builtins
 from graycard.methods.confined import Introduction
 from graycard.methods.priors import truth_of, weights_of
@@ -46,6 +47,8 @@ def plan_fits(
     plan = []
     for spec, folder in scenes:
         for method, known in zip(suite.methods, introductions, strict=True):
+            if not method.runs_on(spec.track):
+                continue
             donor = donors.get(folder) if method.composes else None
             given = given_for(method.predictions, spec.track, folder.name) if method.predictions else None
             sees = [
@@ -61,6 +64,18 @@ def plan_fits(
                 stages = stages_folder(run, known, folder, threads)
                 plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages, given))
     return plan
+
+
+def part_of_plan(suite: Suite, part: Part) -> tuple[slice, slice]:
+    """Return which scenes of a suite a part needs, and which of the fits on these scenes are its own."""
+    each = [len(suite.rows_on(scene.track)) * len(suite.seeds) for scene in suite.scenes]
+    scene_of = [number for number, fits in enumerate(each) for _ in range(fits)]
+    own = part.share(len(scene_of))
+    if not own:
+        return slice(0, 0), slice(0, 0)
+    first, last = scene_of[own.start], scene_of[own.stop - 1]
+    begin = scene_of.index(first)
+    return slice(first, last + 1), slice(own.start - begin, own.stop - begin)
 
 
 def stages_folder(run: Path, known: Introduction, scene: Path, threads: int) -> Path:

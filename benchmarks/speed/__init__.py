@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the machinery itself costs, always beside a peer in the same run: these are ratios, not records."""
+"""Speed: costs of the machinery, always beside a peer in the same run: these are ratios, not records."""
 
 from graycard.benchmarks.speed._records import RecordCost as RecordCost
 from graycard.benchmarks.speed._records import made_up_run as made_up_run

@@ -20,7 +20,7 @@ from graycard import Camera
 from graycard.methods.splat import Surfels
 
 ALPHA_MIN, ALPHA_MAX, TRANSMITTANCE_MIN = 1 / 255, 0.999, 1e-4
-"""Of gsplat, not ours: an alpha is cut at 0.999, and the surfel that would reach 1e-4 is left out."""
+"""Limits of gsplat, not ours: an alpha is cut at 0.999, and the surfel that would reach 1e-4 is left out."""
 LOW_PASS_REACH = 3
 """Pixels: beyond, the low-pass of an opaque surfel is below ALPHA_MIN."""
 CANDIDATES = 1 << 20
@@ -29,7 +29,7 @@ CANDIDATES = 1 << 20
 
 @dataclass(frozen=True)
 class Projected:
-    """What gsplat's ``_fully_fused_projection_2dgs`` gives for one camera: shapes begin ``(1, N, ...)``."""
+    """Outputs of gsplat's ``_fully_fused_projection_2dgs`` for one camera: shapes begin ``(1, N, ...)``."""
 
     radii: torch.Tensor
     means2d: torch.Tensor
@@ -41,7 +41,7 @@ class Projected:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Which surfel is drawn at which pixel: pixel after pixel, nearest centre first, int64."""
+    """Pairs of surfel and pixel: pixel after pixel, nearest centre first, int64."""
 
     surfels: torch.Tensor
     pixels: torch.Tensor
@@ -178,7 +178,7 @@ def _contributing(
 
 
 def _transmittance_after(alpha: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Of each sample, those of a pixel together and in their order."""
+    """Weights of each sample, those of a pixel together and in their order."""
     fall = np.concatenate([[0.0], np.cumsum(np.log1p(-alpha))])
     first = np.searchsorted(pixels, pixels)
     return np.exp(fall[1:] - fall[first])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the machine can do and what else it does: without both no millisecond means anything."""
+"""State of the machine: its speed and its other work; without both no millisecond means anything."""
 
 import ctypes
 import gc
@@ -26,7 +26,7 @@ SAMPLE_S = 0.002
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """How long to measure."""
+    """Time limits of a measurement."""
 
     repetitions: int = 5
     """Groups of calls that must count; their median is the figure."""
@@ -57,7 +57,7 @@ class Timing:
 
     @property
     def disturbed(self) -> bool:
-        """Whether no group was quiet."""
+        """Return whether no group was quiet."""
         return self.counted == 0
 
 

@@ -77,7 +77,7 @@ def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
 
 
 def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float, float, float]:
-    """How many scores; least seconds in all, of the view, of reading it; the peak of this process in MiB."""
+    """Count of scores; least seconds in all, of the view, of reading it; the peak of this process in MiB."""
     keep_freed_memory()
     truth = open_truth(scene / "truth", check=False)
     predicted, _ = open_predictions(predictions).hashed()

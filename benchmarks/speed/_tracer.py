@@ -34,7 +34,7 @@ class TracerCost:
     surfels: int
     rays: int
     build: Timing
-    """Of the tree of boxes."""
+    """Costs of the tree of boxes."""
     forward: Timing
     """With the tree at hand and without a gradient."""
     both: Timing
@@ -114,7 +114,7 @@ def _peer_is_there() -> bool:
 
 
 def _calls(surfels: Surfels, rays: Rays, with_peer: bool) -> Iterator[Callable[[], object]]:
-    """What is timed: tree, forward, forward and backward; then the last two of the peer."""
+    """Timed steps: tree, forward, forward and backward; then the last two of the peer."""
     tree = build_bvh(surfels)
     parts = [getattr(surfels, field.name) for field in fields(surfels)]
     parts += [rays.origins.clone(), rays.directions]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to split the light by source, lobe and bounce, beside Mitsuba's own path tracer."""
+"""Costs of splitting the light by source, lobe and bounce, beside Mitsuba's own path tracer."""
 
 import resource
 import time
@@ -38,12 +38,12 @@ class TruthCost:
 
     @property
     def ratio(self) -> float:
-        """How much dearer ours is, in wall time."""
+        """Return how much dearer ours is, in wall time."""
         return self.separated_s / self.path_s
 
     @property
     def cpu_ratio(self) -> float:
-        """How much dearer ours is, in processor time, which a busy machine disturbs less."""
+        """Return how much dearer ours is, in processor time, which a busy machine disturbs less."""
         return self.separated_cpu_s / self.path_cpu_s
 
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a run is a valid result: one that another could trust, repeat, and not have made up by mistake."""
+"""Validity: whether a run is a valid result: one that another could trust, repeat, and not have made up by
+mistake.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -47,20 +49,20 @@ RULES: dict[str, str] = {
     "comparison": "comparison.json follows from run.json",
     "scores": "scoring the predictions again gives the same scores (only with --rescore)",
 }
-"""What each rule asks for, in words."""
+"""Meaning of each rule, in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Validity:
-    """What is wrong with a run."""
+    """Breaches of a run."""
 
     breaches: tuple[Breach, ...]
     rules: tuple[str, ...]
     """The rules that were looked at."""
     suite: str
-    """Which suite the run was held against, and how that is known."""
+    """Suite that suite the run was held against, and how that is known."""
     part: str
-    """What of the suite the run is, in words; empty for all of it."""
+    """Part of the suite, in words; empty for all of it."""
     results: int
     """Number of fits that were looked at."""
     closed: Mapping[str, int] = field(default_factory=dict)

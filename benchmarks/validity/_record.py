@@ -31,9 +31,9 @@ class Breach:
     rule: str
     where: str
     what: str
-    """What was expected and what came."""
+    """Expectation and finding."""
     unknown: bool = False
-    """Whether evidence is missing, rather than against the run."""
+    """True if evidence is missing, rather than against the run."""
 
     def __str__(self) -> str:
         """One line."""
@@ -41,7 +41,7 @@ class Breach:
 
 
 def place_of(result: JobResult) -> str:
-    """Which fit, in words."""
+    """Return which fit, in words."""
     job = result.job
     return f"{job.track}/{job.scene} {job.method}, seed {job.seed}"
 
@@ -88,7 +88,7 @@ def _failed_fits(run: RunRecord) -> Iterator[Breach]:
 
 
 def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
-    """Of one scene: what one method has scores of, every method has, over the same views."""
+    """Return faults of one scene: methods without scores that others have, or over other views."""
     sheets = [
         (result, {score.metric: score for score in result.sheet.scores}) for result in results if result.sheet
     ]
@@ -103,7 +103,7 @@ def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
 
 
 def _score_fault(score: Score | None, views: set[str], expected: int) -> str:
-    """What is wrong with the counts of a score; empty if nothing."""
+    """Return what is wrong with the counts of a score; empty if nothing."""
     if score is None:
         return "expected a score, as others have on this scene, got none"
     if score.status == "failed":
@@ -234,14 +234,14 @@ def tellers_of(run: RunRecord) -> tuple[str, ...]:
 
 
 def _evidence(result: JobResult) -> str:
-    """What a fit has of the guard's, where that is not enough, and what to do."""
+    """Return what a fit has of the guard's, where that is not enough, and what to do."""
     if result.access is not None:
         return f"{result.access.guard}. Fit it again"
     return "no record. Fit it again"
 
 
 def _is_declared(name: str, declared: set[str]) -> bool:
-    """Whether a layer is one of those declared, or that of a light where those of all lights are."""
+    """Return whether a layer is one of those declared, or that of a light where those of all lights are."""
     stems = (layer.removesuffix("<light>") for layer in declared if layer.endswith(".<light>"))
     return name in declared or any(name.startswith(stem) for stem in stems)
 
@@ -280,7 +280,7 @@ def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 
 def difference(one: Any, other: Any, where: str = "", tolerance: float = 1e-6) -> str | None:
-    """Where two JSON values differ, numbers by more than a share ``tolerance``; None if nowhere."""
+    """Return where two JSON values differ, numbers by more than a share ``tolerance``; None if nowhere."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         if one.keys() != other.keys():
             return f"{where}: {', '.join(sorted(map(str, one.keys() ^ other.keys())))}"

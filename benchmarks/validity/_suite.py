@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a run is of the suite that it names: what ``run.json`` leaves out, ``run.json`` cannot tell."""
+"""Suite: whether a run is of the suite that it names: what ``run.json`` leaves out, ``run.json`` cannot
+tell.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -24,9 +26,9 @@ class Standard:
     suite: Suite | None
     """None where there is nothing to hold it against."""
     says: str
-    """Which suite, and how that is known."""
+    """Suite, and how that is known."""
     breaches: tuple[Breach, ...] = ()
-    """What is wrong with the suite itself."""
+    """Breaches of the suite itself."""
 
 
 def standard_of(run: RunRecord, folder: Path) -> Standard:
@@ -77,11 +79,14 @@ def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
 
 
 def part_of(run: RunRecord, suite: Suite | None) -> str:
-    """What of its suite a run is, in words; empty for all of it."""
+    """Return what of its suite a run is, in words; empty for all of it."""
     if suite is None:
         return ""
     tracks = list(dict.fromkeys(scene.track for scene in run.scenes))
-    rows, own = [method.name for method in run.methods], [method.row for method in suite.methods]
+    rows, own = (
+        [method.name for method in run.methods],
+        [method.row for method in suite.methods if any(map(method.runs_on, tracks))],
+    )
     parts = []
     if {scene.track for scene in suite.scenes} - set(tracks):
         parts.append(f"tracks {', '.join(tracks)}")
@@ -166,7 +171,7 @@ def _other_method(result: JobResult, method: SuiteMethod, budget: float) -> Iter
 
 
 def _apart(wanted: Any, found: Any, where: str = "") -> str | None:
-    """Where ``found`` differs in what ``wanted`` names; more of it may be there: defaults."""
+    """Return where ``found`` differs in what ``wanted`` names; more of it may be there: defaults."""
     if isinstance(wanted, Mapping) and isinstance(found, Mapping):
         places = (_apart(wanted[k], found.get(k), f"{where}.{k}".lstrip(".")) for k in wanted)
         return next((place for place in places if place is not None), None)

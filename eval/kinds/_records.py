@@ -9,7 +9,7 @@ GLOBAL: tuple[Invariance, ...] = ("global gain",)
 CHANNEL: tuple[Invariance, ...] = ("global gain", "channel gain")
 ANY: tuple[Invariance, ...] = ("global gain", "channel gain", "sign")
 IGNORED: dict[str, tuple[Invariance, ...]] = {"raw": (), "scalar": GLOBAL, "channel": CHANNEL}
-"""What a gauge of each kind makes a metric blind to."""
+"""Invariances of metrics by kind of gauge."""
 
 
 def decibels(

@@ -7,7 +7,7 @@ from graycard.eval.measures._colour_difference import ciede2000
 from graycard.eval.scoring._mask import judged_pixels
 
 NAME = "color chart"
-"""What the object is called in every scene that has one."""
+"""Name of the object in every scene that has one."""
 _DIGITS = 5
 """To which reflectances of one patch agree: float32 keeps two more."""
 

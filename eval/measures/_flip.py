@@ -17,7 +17,7 @@ from graycard.eval.scoring._mask import box_around, with_true_background
 from graycard.io import blocks
 
 PIXELS_PER_DEGREE = 3840 * math.radians(1)
-"""Of a screen of 3840 pixels and 0.7 m width, seen from 0.7 m."""
+"""Resolution of a screen of 3840 pixels and 0.7 m width, seen from 0.7 m."""
 REACH = 10
 """Radius in pixels of FLIP's widest filter at that density."""
 

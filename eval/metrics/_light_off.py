@@ -36,11 +36,11 @@ class Errors(NamedTuple):
     """Mean square errors of one view against the truth without a light, one for each visible light."""
 
     off: list[float]
-    """Of the predicted picture without it."""
+    """PSNR of the predicted picture without it."""
     on: list[float]
-    """Of the predicted picture with it."""
+    """PSNR of the predicted picture with it."""
     dimmed: list[float]
-    """Of the predicted picture with it, times the factor in [0, 1] that fits best."""
+    """PSNR of the predicted picture with it, times the factor in [0, 1] that fits best."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ class Noisy:
     deviation: np.ndarray
     """Standard deviation of their mean, shape ``(N, 3)``, positive."""
     judged: np.ndarray
-    """Which pixels they are, shape ``(H, W)``, bool."""
+    """Judged pixels, shape ``(H, W)``, bool."""
     half_difference: np.ndarray | None
     """(half_a - half_b) / 2, shape ``(N, 3)``: as far off as the truth itself; None without halves."""
 

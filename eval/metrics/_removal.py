@@ -42,10 +42,10 @@ class Removed:
     with_object: np.ndarray
     """True radiance with it."""
     region: np.ndarray
-    """Which pixels they are, shape ``(H, W)``, bool."""
+    """Judged pixels, shape ``(H, W)``, bool."""
     exposure: float
     variance: np.ndarray | None
-    """Of ``without``; None where it is not known."""
+    """Variance of ``without``; None where it is not known."""
 
 
 def residual_energy(

@@ -34,11 +34,11 @@ class LobeEffects:
     without: np.ndarray
     """True radiance without the object, shape ``(N, 3)``, exposed."""
     effect: np.ndarray
-    """What the object changes in the light of the lobe, same shape, exposed."""
+    """Effect of the object on the light of the lobe, same shape, exposed."""
     other: np.ndarray
-    """What it changes in all other light."""
+    """Effect on all other light."""
     region: np.ndarray
-    """Which pixels they are, shape ``(H, W)``, bool."""
+    """Judged pixels, shape ``(H, W)``, bool."""
     exposure: float
 
 

@@ -31,7 +31,7 @@ class Region:
     """True radiance there, shape ``(N, 3)``."""
     exposure: float
     variance: np.ndarray | None
-    """Of the true radiance; None where it is not known."""
+    """Variance of the true radiance; None where it is not known."""
 
 
 def main_light(true: TrueView) -> str | None:

@@ -54,7 +54,7 @@ class Protocol(ABC):
     summary: str
     """One line: whose protocol it is."""
     source: str
-    """Where its definition stands."""
+    """Source of its definition."""
 
     @property
     def id(self) -> str:

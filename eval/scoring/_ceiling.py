@@ -26,7 +26,7 @@ class Ceiling:
     known: bool
     """Tell whether scores have a noise ceiling."""
     explanation: str
-    """How it is computed, or why there is none."""
+    """Formula, or why there is none."""
 
 
 AS_DISPLAYED = Ceiling(

@@ -40,7 +40,7 @@ class Finding:
     parts: Mapping[str, float] = field(default_factory=dict)
     """The same by neighbouring rules."""
     evidence: np.ndarray | None = None
-    """As of :class:`Measurement`."""
+    """See :class:`Measurement`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ class TrueView:
     masks: dict[tuple[str, bool], np.ndarray] = field(default_factory=dict, repr=False, compare=False)
     """Those that were computed before."""
     kept: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False, compare=False)
-    """What :meth:`once` has made, by what made it."""
+    """Results of :meth:`once`, by key."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be compared with.

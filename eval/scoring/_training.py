@@ -14,7 +14,7 @@ from graycard.eval.scoring._readings import PredictedView, TrueView, read_predic
 PICTURE = "radiance"
 GAUGED = "base_color"
 REFLECTANCES = (GAUGED, "diffuse_reflectance", "albedo")
-"""What can trade a scale with light; the first that a prediction has says what its light is divided by."""
+"""Layers that trade a scale with light; the first that a prediction has says what its light is divided by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Fit:
     """Sums that the gauge of one layer is fitted to."""
 
     moments: tuple[LinearMoments, ...]
-    """Of the views in which the layer is fit to be used."""
+    """Names of views in which the layer is fit to be used."""
     faults: tuple[str, ...] = ()
     """Why it is not, for the others."""
 

@@ -22,7 +22,8 @@ Where a score is infinite there is no mean, and it decides alone.
 
 *Skew.* Student's test is too liberal where differences are skewed, the more so the smaller its p. The
 corrected p is multiplied by 4 therefore. Of tables with 5, 25 and 60 rows at most 5 % then have any false
-difference; ``docs/suites.md`` has the simulation, and the shape beyond which that does not hold.
+difference. ``docs/lab-notes/2026-11-error-rates.md`` has the simulation, and the shape beyond which that does
+not hold.
 
 *Ties.* A tie says that these scenes do not tell which of two methods is better. A gap of 10 standard errors
 is never called one. Among very many pairs chance makes such gaps: then there are too few scenes.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which photograph a new view is most like: told from the cameras alone."""
+"""Similarity: which photograph a new view is most like: told from the cameras alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from graycard.methods.splat import scene_extent
 
 @dataclass(frozen=True, eq=False)
 class Eyes:
-    """Where the photographs were taken."""
+    """Places of the cameras."""
 
     positions: np.ndarray
     """Shape ``(M, 3)``, world, metres."""
     directions: np.ndarray
     """Shape ``(M, 3)``: of the optical axes, world, unit length."""
     extent: float
-    """Of the cameras, metres."""
+    """Extent of the cameras, metres."""
 
     def nearest(self, camera: Camera) -> int:
         """The number of the photograph that was taken from nearest to where a camera is and looks.

@@ -18,7 +18,7 @@ class AppearanceSettings(SurfelSettings):
     embedding: int = 32
     """Numbers that a photograph has of its own."""
     width: int = 64
-    """Of both hidden layers of the network (paper: 128)."""
+    """Width of both hidden layers of the network (paper: 128)."""
     embedding_rate: float = 1e-3
     """Learning rate of the embeddings."""
     network_rate: float = 5e-4

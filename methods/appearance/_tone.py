@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a photograph changes the colours of surfels: a network of what surfel and photograph are.
+"""Appearance: a network that changes the colours of surfels from codes of surfel and photograph.
 
 The network is that of WildGaussians (Kulhanek et al. 2024, their code): it is given a surfel's colour and
 code and the photograph's embedding, and gives a factor and an offset for each channel.
@@ -23,12 +23,12 @@ BANDS = 4
 SPREAD = 0.97
 """Quantile of distances from the middle that counts as the scene: a few points lie far out."""
 SMALL = 0.01
-"""Of what the network gives: at the start photographs are nearly alike."""
+"""Scale of the network's output: at the start photographs are nearly alike."""
 NETWORK = tuple(f"tone {kind} {layer}" for layer in range(3) for kind in ("weights", "biases"))
 
 
 def codes_of(centres: torch.Tensor) -> torch.Tensor:
-    """Where surfels are, as sines and cosines, shape ``(N, 24)`` of ``(N, 3)``."""
+    """Return where surfels are, as sines and cosines, shape ``(N, 24)`` of ``(N, 3)``."""
     away = centres - centres.mean(dim=0)
     reach = float(np.quantile(away.abs().amax(dim=1).numpy(), SPREAD))
     waves = (away / max(reach, 1e-6))[..., None] * pi * 2.0 ** torch.arange(BANDS)

@@ -77,7 +77,7 @@ def exact_irradiance(lamp: Lamp, points: torch.Tensor) -> torch.Tensor:
 
 
 def _share(lamp: Lamp, away: torch.Tensor) -> torch.Tensor:
-    """Of the intensity on the axis, shape ``(..., 1)``."""
+    """Return the share of the intensity on the axis, shape ``(..., 1)``."""
     if isinstance(lamp, PointLight):
         return torch.ones_like(away[..., :1])
     edge = max(lamp.cutoff_angle - lamp.beam_width, 1e-3)

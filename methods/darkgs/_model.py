@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a picture comes about: each surfel is shaded at its centre, and what it sends is drawn.
+"""Shading: each surfel is shaded at its centre, and what it sends is drawn.
 
 Light goes straight from the lamp to a surfel and on to the camera: nothing casts a shadow.
 """
@@ -24,14 +24,14 @@ albedo."""
 
 @dataclass(frozen=True, eq=False)
 class Shaded:
-    """What surfels send to a camera; each of shape ``(N, 3)``, radiance times exposure."""
+    """Radiance from surfels to a camera; each of shape ``(N, 3)``, radiance times exposure."""
 
     albedo: torch.Tensor
-    """Of the surfels."""
+    """Albedo of the surfels."""
     lamp: torch.Tensor
-    """What they reflect of the lamp."""
+    """Radiance that they reflect from the lamp."""
     ambient: torch.Tensor
-    """What they reflect of the light that stays."""
+    """Radiance that they reflect from the light that stays."""
 
 
 def albedo_of(values: Mapping[str, torch.Tensor]) -> torch.Tensor:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step lowers: the mean absolute difference of linear radiance, and surfels that do not agree."""
+"""Loss of a step: the mean absolute difference of linear radiance, and surfels that do not agree."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class DarkGsObjective:
 
     views: Sequence[ExposedPhotograph]
     lamp: Lamp | MeasuredLamp
-    """As calibrated, in camera axes."""
+    """Lamp as calibrated, in camera axes."""
     exposure: float
     settings: DarkGsSettings
     seed: int

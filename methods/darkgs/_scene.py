@@ -33,13 +33,13 @@ class DarkGsScene(LayeredScene):
     """Surfels with an albedo, a light that stays, and a calibrated lamp on the camera."""
 
     lamp: Lamp
-    """As it was handed in, in camera axes."""
+    """Lamp as it was handed in, in camera axes."""
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     shining: tuple[Lamp, ...]
     """Lamps that shine, in camera axes: the calibrated one, until others are put in its place."""
     stays: bool = True
-    """Whether the light that stays shines."""
+    """True if the light that stays shines."""
     profile: LampProfile | None = None
     """Measured beam of the calibrated lamp; None: it shines as told. Other lamps shine as told."""
 

@@ -30,14 +30,15 @@ class DarkGsSettings:
     """``own``: each surfel has a normal for shading, which begins as that of its disc (paper); ``discs``:
     it is shaded by the normal of its disc, on which the losses of geometry bear."""
     cover_weight: float = 0.05
-    """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper."""
+    """Weight of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the
+    paper."""
     normal_weight: float = 0.01
-    """Of the difference of the discs' normals and those of the drawn depth. Not in the paper, whose Gaussians
-    are no discs."""
+    """Weight of the difference of the discs' normals and those of the drawn depth. Not in the paper, whose
+    Gaussians are no discs."""
     distortion_weight: float = 1.0
-    """Of the spread of surfels along rays. Not in the paper."""
+    """Weight of the spread of surfels along rays. Not in the paper."""
     geometry_start: float = 0.1
-    """When those two begin to count."""
+    """Start of these two losses."""
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
     backend: FitBackend = "cpu"

@@ -22,7 +22,7 @@ _GAUSSIAN = (1.0, 4.0, 6.0, 4.0, 1.0)
 WIDTH = 8
 """Channels of the network's latent layers."""
 LATENT = 6
-"""Of them, 3 x 3 each; one layer of 1 x 1 before and one after."""
+"""Weights of them, 3 x 3 each; one layer of 1 x 1 before and one after."""
 _INSIDE = 1e-3
 
 

@@ -185,7 +185,8 @@ def light_density_rules(settings: GorisSettings) -> DensityRules:
 def own_stage(
     saved: Checkpoint | None, stage: str, looked_at: Iterable[torch.Tensor], settings: GorisSettings
 ) -> Checkpoint | None:
-    """Where a stage is saved that depends on all settings; None in a folder, as no other fit would share it.
+    """File in which a stage is saved that depends on all settings; None in a folder, as no other fit would
+    share it.
 
     Args:
         saved: Where the first stage is saved.

@@ -61,9 +61,9 @@ class FlatSurface:
     """A flat glossy surface in the training views."""
 
     mirrors: list[np.ndarray]
-    """Of each view, shape ``(H, W)``, bool: what is glossy and does not face another way. Glazed objects on a
-    table do: they count as rough, as reflected rays meet rough surfels alone, so that the table reflects
-    them."""
+    """Masks of each view, shape ``(H, W)``, bool: what is glossy and does not face another way. Glazed
+    objects on a table do: they count as rough, as reflected rays meet rough surfels alone, so that the
+    table reflects them."""
     depths: list[np.ndarray]
     """z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface."""
     normal: np.ndarray
@@ -153,7 +153,7 @@ def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray)
 
 
 def _turn(places: np.ndarray, normals: np.ndarray, common: np.ndarray) -> float:
-    """How much normals turn with position, degrees (root mean square).
+    """Turn of normals with position, degrees (root mean square).
 
     The components of normals along the plane are fitted by a linear function of position: on a sphere they
     are one, and errors that do not depend on position drop out.

@@ -103,7 +103,7 @@ class InitialLight:
     """Initial values of light transport."""
 
     reflectance: Reflectance
-    """Of all glossy surfels."""
+    """``f0`` of all glossy surfels."""
     surroundings: torch.Tensor
     """Cubemap ``(6, N, N, 3)``, exposed radiance, above 0."""
     surfels: torch.Tensor

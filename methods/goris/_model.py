@@ -158,7 +158,7 @@ def _points(drawn: Maps, camera: Camera, rays: torch.Tensor) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class Reflection:
-    """What the reflected rays of R glossy pixels meet."""
+    """Sources that the reflected rays of R glossy pixels meet."""
 
     rows: torch.Tensor
     """Shape ``(R,)``: numbers of the pixels, row by row."""

@@ -74,7 +74,7 @@ class LightObjective:
     """Tiles of all views."""
     settings: GorisSettings
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:

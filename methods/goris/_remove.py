@@ -83,7 +83,7 @@ _GLOSSY = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RemovalMasks:
-    """What a removal changed in a training view; H x W pixels."""
+    """Effect of a removal on a training view; H x W pixels."""
 
     doubted: np.ndarray
     """Shape ``(H, W)``, bool: the photograph is masked out, as it shows the object, what is next to it, or
@@ -95,7 +95,7 @@ class RemovalMasks:
 
 @dataclass(frozen=True, eq=False)
 class Removed:
-    """What the second stage leaves."""
+    """Surfels after the second stage."""
 
     parameters: Parameters
     """Surfels without the object, and the environment."""
@@ -175,8 +175,8 @@ def removal_density_rules(settings: GorisSettings) -> DensityRules:
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[TrainingView], grow: float) -> torch.Tensor:
-    """Which glossy surfels have most of their blending weights within the widened masks of the object, shape
-    ``(N,)``, bool.
+    """Return which glossy surfels have most of their blending weights within the widened masks of the object,
+    shape ``(N,)``, bool.
 
     They have taken on its colours, as no other pixels constrain them, and an inpainting would go on with
     them. Rough surfels look the same from all views: next to the object they are as right as elsewhere.
@@ -229,7 +229,7 @@ def material_layers(picture: GlossyPicture) -> dict[str, torch.Tensor]:
 def with_painted_wall(
     left: Parameters, taken: int, wall: BackgroundPoints, settings: GorisSettings, seed: int
 ) -> Parameters:
-    """What is left, with new surfels on the surface behind the object as it was inpainted.
+    """Return what is left, with new surfels on the surface behind the object as it was inpainted.
 
     Args:
         left: Surfels of everything else.
@@ -334,7 +334,7 @@ class RemovalObjective:
     """One a tile."""
     settings: GorisSettings
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:

@@ -49,7 +49,7 @@ class GlossyScene(LayeredScene):
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -127,7 +127,7 @@ class GorisScene(Emptied, SavedScene):
     distilled: DistilledScene | None = None
     """``after`` as radiance alone; None: rays are traced."""
     changed: Mapping[str, RemovalMasks] = field(default_factory=dict)
-    """What the removal changed, by the name of each training view; empty where an older graycard saved it."""
+    """Effect of the removal, by the name of each training view; empty where an older graycard saved it."""
 
     def remove(self, object_id: int) -> Decomposition:
         """The scene without the object and its reflection.

@@ -36,18 +36,18 @@ class GorisSettings(RemovalSettings):
     """
 
     first_light: bool = True
-    """Whether f0, diffuse radiance and the environment map are initialised from the photographs; only where a
-    prior tells glossy surfaces."""
+    """True if f0, diffuse radiance and the environment map are initialised from the photographs; only
+    where a prior tells glossy surfaces."""
     flat_start: bool = True
-    """Whether surfels of a flat glossy surface are initialised on the plane on which its outlines in the
+    """True if surfels of a flat glossy surface are initialised on the plane on which its outlines in the
     views agree, with one normal for a prior, and what faces other ways is not glossy; only where priors
     tell normals and glossy surfaces."""
     radiance_share: float = 0.4
-    """Of ``iterations``: radiance-only steps, before those with light transport (paper: 4/30; a short fit
-    needs surfaces first). 1 only without ``transport``."""
+    """Share of ``iterations`` for radiance-only steps, before those with light transport (paper: 4/30; a
+    short fit needs surfaces first). 1 only without ``transport``."""
     matte_in_colours: bool = True
-    """Whether all steps are radiance only where a prior says that nothing is glossy; False, the paper: they
-    are divided there as anywhere."""
+    """True if all steps are radiance only where a prior says that nothing is glossy; False, the paper:
+    they are divided there as anywhere."""
     light_density: float = 0.0
     """Share of the steps with light transport over which surfels are densified and pruned, as in the
     radiance-only ones, which then leave an eighth of the surfels to them; 0: none (paper: 8 of 26 thousand,
@@ -56,25 +56,25 @@ class GorisSettings(RemovalSettings):
     """The same of the removal's steps, from an eighth of them on and without pruning; 0: none (paper: from
     500 to 2,000 of 4,000)."""
     transport: bool = True
-    """Whether glossy surfaces reflect what traced rays meet; False: all surfaces are rough."""
+    """True if glossy surfaces reflect what traced rays meet; False: all surfaces are rough."""
     composite: Reading = "release"
     """``paper``: the diffuse term has spherical harmonics where a surfel is rough, and the specular term is
     added to it; ``release``: pixels are mixed of rough and reflective ones by the region. What the paper adds
     to rough surfaces is suppressed by the region alone."""
     filter: Filter = "paper"
-    """How reflections in rough surfaces are blurred in screen space; ``none``: not at all."""
+    """Filter: how reflections in rough surfaces are blurred in screen space; ``none``: not at all."""
     tile: int = 112
     """Pixels, about, along the sides of what is drawn at a step with light transport: views are cut into
     tiles, and in each round every tile of every view has its turn once (inferred; the paper draws whole
     views, on a GPU). A step costs about the same for pictures of any size. Blurs and losses that look at
     neighbours end with the tile, as they end with a picture. LPIPS of holes looks at whole views."""
     decay: Decay = "exponential"
-    """Of the weight of the prior's normals; ``linear`` in the released code."""
+    """Decay of the weight of the prior's normals; ``linear`` in the released code."""
     decay_share: float = 0.2
-    """Of ``iterations``, over which that weight decays, from the first step with light transport on."""
+    """Share of ``iterations``, over which that weight decays, from the first step with light transport on."""
     traced: Traced = "rough"
-    """Which surfels reflected rays meet. ``rough``, the paper: a glossy surface reflects neither another nor
-    itself, where it is not quite even; ``all``, the released code."""
+    """Surfels that reflected rays meet. ``rough``, the paper: a glossy surface reflects neither another
+    nor itself, where it is not quite even; ``all``, the released code."""
     near: float = 0.02
     """Offset of reflected rays, in extents of the scene: they do not meet what is nearer to their origin
     (released code: 0.1 units)."""
@@ -101,35 +101,34 @@ class GorisSettings(RemovalSettings):
     """Weight of the difference of rendered regions from those of the prior; 0: the prior is not asked for
     glossy surfaces, and all may be."""
     region_loss: Literal["both", "paper"] = "both"
-    """What counts as such a difference. ``both``: what is rendered rough where the prior says glossy, and
-    glossy where it says rough; ``paper``: the former alone, and in a short fit rough surfaces become
-    glossy."""
+    """Difference that counts. ``both``: what is rendered rough where the prior says glossy, and glossy
+    where it says rough; ``paper``: the former alone, and in a short fit rough surfaces become glossy."""
     label_weight: float = 1.0
     """Weight of the cross entropy between rendered labels and the masks of the object."""
     weights: float = 1.0
     """Factor on ``normal_prior_weight`` and ``smooth_weight``, the regularisers of glossy surfaces."""
     effect_mask: bool = True
-    """Whether pixels that reflect the object are masked out of the photographs, too (the paper's
+    """True if pixels that reflect the object are masked out of the photographs, too (the paper's
     lighting-aware mask)."""
     least_effect: float = 0.02
     """Threshold of that mask on the share of unit radiance that a pixel reflects by way of the object (paper:
     0.1, but wood and stone reflect 0.04 at normal incidence)."""
     doubtful_go: bool = True
-    """Whether glossy surfels that photographs show mostly within the widened masks of the object are removed
-    with it; False, the paper: only what is labelled as the object."""
+    """True if glossy surfels that photographs show mostly within the widened masks of the object are
+    removed with it; False, the paper: only what is labelled as the object."""
     shadow: bool = False
     """Remove the object's shadow, too, a step beyond the paper: surfels and photographs are
     brightened by the light that the object blocked before anything is inpainted."""
     material_inpainting: bool = True
-    """Whether holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""
+    """True if holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""
     hole_loss: Literal["photometric", "lpips"] = "photometric"
     """Loss of what is inpainted as radiance. ``lpips``, the paper's equation 8: 0.2 times LPIPS of pictures
     that are black elsewhere. As in the released code it is of VGG-16 and of the hole's bounding box, in which
     materials are then averaged, too; there ``hole_weight`` is 0.01, in the paper 1. It needs the weights of
     ``graycard weights lpips``, and of no other origin, so that a fit is the same everywhere."""
     distilled: bool = False
-    """Whether a radiance-only scene is fitted to pictures of the result, so that no ray has to be traced to
-    draw it."""
+    """True if a radiance-only scene is fitted to pictures of the result, so that no ray has to be traced
+    to draw it."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -31,7 +31,7 @@ class TrainingView:
     """Shape ``(H, W)``: 1 where a prior says that a surface is glossy, or anywhere if none is asked; 0 on the
     object. It is removed anyway, and reflected rays do not meet glossy surfels, see ``traced``."""
     told: bool
-    """Whether a prior was asked for ``glossy``."""
+    """True if a prior was asked for ``glossy``."""
     target: torch.Tensor
     """Shape ``(H, W)``: 1 where the object is visible."""
     normal: torch.Tensor | None = None

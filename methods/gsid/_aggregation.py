@@ -47,9 +47,9 @@ class Lack:
     """A place that lacks light."""
 
     position: torch.Tensor
-    """Where a lamp would help, shape ``(3,)``, metres."""
+    """Place where a lamp would help, shape ``(3,)``, metres."""
     intensity: torch.Tensor
-    """Of a lamp there that shines alike all round, shape ``(3,)``, W/sr times exposure."""
+    """Intensity of a lamp there that shines alike all round, shape ``(3,)``, W/sr times exposure."""
 
 
 @torch.no_grad()
@@ -239,7 +239,7 @@ def _is_near(place: torch.Tensor, trial: _Trial, reach: float) -> bool:
 
 
 def largest_lack(shots: Sequence[DeferredView], pictures: Sequence[LitPicture], extent: float) -> Lack:
-    """Where photographs are brighter than pictures by most, over a few pixels."""
+    """Return the place where photographs are brighter than pictures by most, over a few pixels."""
     best = -torch.inf, 0, 0, 0
     for number, (shot, picture) in enumerate(zip(shots, pictures, strict=True)):
         missing = _blurred(shot.linear - picture.whole).mean(dim=-1)

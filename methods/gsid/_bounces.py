@@ -35,7 +35,7 @@ BOUNCES = 4
 
 @dataclass(frozen=True, eq=False)
 class Bounces:
-    """What N surfels see of each other."""
+    """Visibility between N surfels."""
 
     nodes: np.ndarray
     """Shape ``(M,)``: numbers of the surfels that stand for all."""
@@ -64,7 +64,7 @@ class Bounces:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Which nodes points see."""
+    """Visible nodes: which nodes points see."""
 
     surfels: Surfels
     extent: float

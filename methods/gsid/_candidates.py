@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where lamps begin: of many places the few whose light, with its shadows, explains the photographs.
+"""Start of lamps: of many places the few whose light, with its shadows, explains the photographs.
 
 Pictures are linear in light. On pixels whose place, normal and material are about known, what a lamp of
 strength 1 at each of many places would give is found with rays, and non-negative least squares tells how
@@ -42,7 +42,8 @@ SHAPES = (0.0, 4.0)
 """Sharpnesses of the lobes that a lamp may begin with: alike all round, and a beam to the middle of what is
 seen."""
 DIM = 0.5
-"""Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
+"""Threshold, a share of the mean brightness: pixels that are darker do not count for more, since bounced
+light rules there."""
 DOUBT = 0.6
 """Doubt of the sky while places of lamps are looked for: as if this share of the samples, by weight, had been
 seen black under it alone. What no lamp explains exactly, with shadows and materials that are about known, a
@@ -52,7 +53,7 @@ LEAST_SKY = 0.05
 """Share of the mean radiance that each face of the sky begins with at least. A much darker one stays dark, as
 its logarithm moves by small steps."""
 HALVINGS = 2
-"""Of the step by which places are looked for between those of the grid."""
+"""Share of the step by which places are looked for between those of the grid."""
 _AT_ONCE = 64
 """Places whose light is found at once."""
 _SEEN = 0.05
@@ -85,7 +86,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class ByWay:
-    """How light comes to P pixels by way of other surfaces."""
+    """Light that comes to P pixels by way of other surfaces."""
 
     bounces: Bounces
     shares: csr_matrix
@@ -96,7 +97,7 @@ class ByWay:
     """Shape ``(M,)``: share of the sky's light that arrives at the nodes."""
 
     def returned(self, direct: torch.Tensor, diffuse: torch.Tensor) -> torch.Tensor:
-        """What pixels return of it, shape ``(P, ..., 3)``.
+        """Return what pixels return of it, shape ``(P, ..., 3)``.
 
         Args:
             direct: Shape ``(M, ...)``: irradiance of the nodes straight from each light, grey.
@@ -214,14 +215,14 @@ def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
 
 
 def _distance(places: torch.Tensor, samples: Samples) -> torch.Tensor:
-    """How far places are from what is seen, but for a few samples, shape ``(C,)``, metres."""
+    """Return how far places are from what is seen, but for a few samples, shape ``(C,)``, metres."""
     count = min(_AROUND, len(samples.points))
     return torch.cdist(places, samples.points).kthvalue(count, dim=1).values
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What lamps at any place would give."""
+    """Effects of lamps at any place."""
 
     samples: Samples
     middle: torch.Tensor
@@ -233,7 +234,7 @@ class _Look:
     by_way: ByWay | None
 
     def columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Of lobes of 1 W/sr, ``(P, C, S, 3)``, and the share of the samples that each place sees."""
+        """Light of lobes of 1 W/sr, ``(P, C, S, 3)``, and the share of the samples that each place sees."""
         parts = [self._columns(some) for some in places.split(_AT_ONCE)]
         columns, seen = zip(*parts, strict=True)
         return torch.cat(columns, dim=1), torch.cat(seen)
@@ -267,7 +268,7 @@ class _Look:
 
 
 def _sky_columns(samples: Samples, by_way: ByWay | None) -> torch.Tensor:
-    """What each face of the cubemap gives with a radiance of 1, shape ``(P, 6, 3)``."""
+    """Light that each face of the cubemap gives with a radiance of 1, shape ``(P, 6, 3)``."""
     columns = []
     for face in range(6):
         sky = torch.zeros(6, 1, 1, 3)
@@ -300,7 +301,7 @@ def _explained(
 
 
 def _left_over(lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor) -> float:
-    """What grey columns do not explain at best: root of the sum of squares."""
+    """Return what grey columns do not explain at best: root of the sum of squares."""
     return _solved(lamps, sky, shown, 1 / (shown + DIM * shown.mean()), DOUBT)[1]
 
 

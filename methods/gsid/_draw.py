@@ -28,7 +28,7 @@ from graycard.methods.splat import Surfels, rasterize_features, rotation_matrice
 
 
 def reach_in_view(surfels: Surfels, ground: Ground, arrived: Reach, settings: GsidSettings) -> Reach:
-    """What is shaded receives: pixels of a view, or the surfels themselves.
+    """Receivers of light: pixels of a view, or the surfels themselves.
 
     Args:
         surfels: N of them.
@@ -90,7 +90,7 @@ def draw_whole(
 
 
 def light_evaluations(values: Mapping[str, torch.Tensor], ground: Ground, settings: GsidSettings) -> int:
-    """How often light is found for a view: once a pixel that surfels cover, or once a surfel."""
+    """Return how often light is found for a view: once a pixel that surfels cover, or once a surfel."""
     if settings.shading == "forward":
         return len(values[OPEN])
     return int((ground.drawn.alpha > 0).sum())

@@ -34,7 +34,7 @@ from graycard.methods.surfels import (
 )
 
 DEGREE = 2
-"""Of the harmonics of the surfels' colours: highlights must not become holes."""
+"""Degree of the harmonics of the surfels' colours: highlights must not become holes."""
 _DEGREE_EVERY = 1 / 10
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a prior says of the photographs: normals, base colour, roughness and metallic."""
+"""Answers of a prior about the photographs: normals, base colour, roughness and metallic."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,8 @@ class MaterialGuess:
 
 
 def guesses_of(capture: Capture, priors: Priors) -> list[MaterialGuess]:
-    """What the prior says when it sees the training photographs, exposed; what it does not know is None.
+    """Return what the prior says when it sees the training photographs, exposed; what it does not know is
+    None.
 
     Raises:
         MethodError: An answer is not sound.

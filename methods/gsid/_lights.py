@@ -24,7 +24,7 @@ DARK = -14.0
 DIMMEST = -6.0
 """Logarithm of the least that a lobe begins with: what is darker has no gradient to speak of."""
 FIRST_SHARPNESS = 0.3
-"""Of lobes that begin: nearly the same all round."""
+"""Sharpness of lobes that begin: nearly the same all round."""
 LAMPS = (POSITIONS, AXES, SHARPNESS, AMPLITUDES)
 
 

@@ -10,9 +10,9 @@ from graycard.methods.gsid._objective import DeferredView
 from graycard.methods.splat import Surfels, gather
 
 NEUTRAL = {BASE_COLOR: 0.4, ROUGHNESS: 0.6, METALLIC: 0.1}
-"""Where no prior says anything (inferred)."""
+"""Materials without a prior (inferred)."""
 _INSIDE = 0.02
-"""Of 0 and 1, whose logits are infinite: what begins there could not leave."""
+"""Distance from 0 and 1, whose logits are infinite: what begins there could not leave."""
 
 
 def first_materials(
@@ -42,7 +42,9 @@ def first_materials(
 def _means(
     surfels: Surfels, images: Sequence[tuple[DeferredView, torch.Tensor]], channels: int, otherwise: float
 ) -> torch.Tensor:
-    """Of the pixels in which each surfel is drawn, weighted as it is drawn, shape ``(N, channels)``."""
+    """Return means of the pixels in which each surfel is drawn, weighted as it is drawn, shape ``(N,
+    channels)``.
+    """
     total = torch.full((len(surfels), channels + 1), 1e-3)
     total[:, :channels] *= otherwise
     for shot, image in images:

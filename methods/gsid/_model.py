@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a picture comes about: surfels are drawn as layers, and pixels are shaded (deferred shading)."""
+"""Shading: surfels are drawn as layers, and pixels are shaded (deferred shading)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -37,18 +37,20 @@ BASE_COLOR, ROUGHNESS, METALLIC, SHADOW = "base colour", "roughness", "metallic"
 """Names of the parameters of surfels: logits of shapes ``(N, 3)``, ``(N, 1)`` and ``(N, 1)``, and a vector of
 any length ``(N, 3)``, world."""
 OPEN = "open sky"
-"""Of each surfel, ``(N,)``: share of the sky's light that arrives, were it even. It is found once."""
+"""Occlusion of each surfel, ``(N,)``: share of the sky's light that arrives, were it even. It is found
+once."""
 SIDE = "lit side"
-"""Of each surfel, ``(N,)``: 1 if its third axis points to the side that is lit, else -1. It is found once."""
+"""Side of each surfel, ``(N,)``: 1 if its third axis points to the side that is lit, else -1. It is found
+once."""
 LEAST_COVER = 1e-3
-"""Of a pixel, by surfels: with less its layers are no longer divided by it."""
+"""Least cover of a pixel, by surfels: with less its layers are no longer divided by it."""
 SOFTEN = 0.02
 """Shares of the extent, see :func:`graycard.methods.shading.arriving`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What a camera sees of surfels."""
+    """View of surfels."""
 
     camera: Camera
     drawn: Maps
@@ -70,7 +72,7 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """What light falls on: pixels of a view, in any arrangement ``(...)``; differentiable."""
+    """Ground: pixels of a view, in any arrangement ``(...)``; differentiable."""
 
     material: Material
     shadow: torch.Tensor
@@ -79,7 +81,7 @@ class Pixels:
     normal: torch.Tensor
     eye: torch.Tensor
     open: torch.Tensor
-    """As in :class:`Ground`."""
+    """See :class:`Ground`."""
     cover: torch.Tensor
     """Shape ``(...)``: share of the pixel that surfels cover."""
 
@@ -158,7 +160,7 @@ def _covered(features: torch.Tensor, drawn: Maps) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What gets to pixels ``(...)`` of a view while lights stand still; no gradient."""
+    """Light that to pixels ``(...)`` of a view while lights stand still; no gradient."""
 
     shadows: torch.Tensor | None = None
     """Shape ``(..., K)``: share of each lamp's light that arrives along rays; None: all of it."""
@@ -169,7 +171,7 @@ class Reach:
     """Shape ``(K,)``, bool: the lamps that vectors know; None: all."""
 
     def at(self, window: Window) -> "Reach":
-        """What gets to a part of the view."""
+        """Light on a part of the view."""
         shadows, bounced = (None if x is None else window.of(x) for x in (self.shadows, self.bounced))
         return Reach(shadows, bounced, self.known)
 
@@ -199,13 +201,13 @@ class LitPicture:
     """Exposed radiance of pixels, each of shape ``(..., 3)``, or ``(..., K, 3)`` by lamp."""
 
     by_lamp: torch.Tensor
-    """What surfaces return of each lamp."""
+    """Light that surfaces return of each lamp."""
     by_sky: torch.Tensor
-    """What they return of the surroundings, and the surroundings where nothing is in front."""
+    """Light that they return of the surroundings, and the surroundings where nothing is in front."""
     by_way: torch.Tensor
-    """What they return of light that came by way of other surfaces, ``(..., B, 3)``."""
+    """Light that they return, which that came by way of other surfaces, ``(..., B, 3)``."""
     irradiance: torch.Tensor
-    """Of the lamps on surfaces that face them, blocked light left out."""
+    """Irradiance of the lamps on surfaces that face them, blocked light left out."""
 
     @property
     def given(self) -> torch.Tensor:
@@ -220,7 +222,7 @@ class LitPicture:
 
     @property
     def whole(self) -> torch.Tensor:
-        """What a photograph shows."""
+        """Photographed picture."""
         return self.by_lamp.sum(dim=-2) + self.by_sky + self.by_way.sum(dim=-2)
 
 

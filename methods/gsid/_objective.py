@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second stage lowers: how far shaded layers are from the photographs and from the prior."""
+"""Loss of the second stage: how far shaded layers are from the photographs and from the prior."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

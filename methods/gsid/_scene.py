@@ -73,7 +73,7 @@ class GsidScene(LayeredScene):
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     method: str = GSID
     """Whose it is: what is saved says so."""
     given: GivenLights | None = None
@@ -120,7 +120,9 @@ class GsidScene(LayeredScene):
         return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
 
     def _found(self, places: torch.Tensor) -> torch.Tensor:
-        """Whether a lamp stands where one was found, bool of shape ``(K,)``: what was fitted knows it."""
+        """Return whether a lamp stands where one was found, bool of shape ``(K,)``: what was fitted knows
+        it.
+        """
         if self.given is None:
             return torch.ones(len(places), dtype=torch.bool)
         return (torch.cdist(places, self._lamps.positions) < SAME_PLACE).any(dim=1)
@@ -144,7 +146,7 @@ class GsidScene(LayeredScene):
 
     @cached_property
     def _bounces(self) -> Bounces | None:
-        """Which surfels see which."""
+        """Visibility between surfels."""
         if not self.settings.bounces:
             return None
         values = self.parameters.all
@@ -239,7 +241,7 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def counts(self, camera: Camera) -> Mapping[str, float]:
-        """How often light is found for a picture: once a pixel, or once a surfel."""
+        """Return how often light is found for a picture: once a pixel, or once a surfel."""
         values = self.parameters.all
         ground = ground_of(surfels_of(values), camera, values[OPEN])
         return {"light evaluations": light_evaluations(values, ground, self.settings)}

@@ -16,14 +16,14 @@ class GsidSettings:
     """Settings of ``gsid``; times are shares of ``iterations``, so that a budget of any size fits."""
 
     iterations: int = 1500
-    """Of both stages (paper: 30 000)."""
+    """Steps of both stages (paper: 30 000)."""
     surfels: int = 5000
     """No more than these."""
     fill: float = 0.75
     """Share of ``surfels`` that begin where stereo finds depth (inferred; the paper begins as 3DGS does)."""
     geometry_share: float = 0.45
-    """Of the budget: the first stage, surfels with view-dependent colours (paper: 20 000 of 30 000; lights
-    need more of a short budget, inferred)."""
+    """Share of the budget: the first stage, surfels with view-dependent colours (paper: 20 000 of 30 000;
+    lights need more of a short budget, inferred)."""
     lamps: int = 8
     """Local lamps at most (paper: 33 in all tables)."""
     lobes: int = 2
@@ -31,47 +31,47 @@ class GsidSettings:
     sky_size: int = 8
     """Texels along the side of a face of the environment's cubemap (GS-IR: 256)."""
     visibility: Visibility = "vector"
-    """What is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to the lamp:
-    ``vector``, ``1 - max(0, v . w)^8``; ``vector_half``, ``(1 + v . w) / 2``; ``vector_relu``,
-    ``max(0, v . w)``; the paper has such a vector and does not say how it is read. ``traced``: rays from the
-    surfels to the lamp (not the paper's): shadows of lamps that are a little wrong are wrong, and stay in the
-    albedo. ``none``: nothing is in the way."""
+    """Visibility: what is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to
+    the lamp: ``vector``, ``1 - max(0, v . w)^8``; ``vector_half``, ``(1 + v . w) / 2``; ``vector_relu``,
+    ``max(0, v . w)``; the paper has such a vector and does not say how it is read. ``traced``: rays from
+    the surfels to the lamp (not the paper's): shadows of lamps that are a little wrong are wrong, and stay
+    in the albedo. ``none``: nothing is in the way."""
     occlusion: bool = True
-    """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
+    """True if what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
     shading: Shading = "deferred"
     """Light is found for pixels, as in the paper, or for surfels, which are then drawn (``forward``)."""
     materials: Materials = "fitted"
     """``prior``: they stay what the prior says, averaged over views, and only light is fitted (ablation); it
     has to know base colour, roughness and metallic."""
     bounces: bool = True
-    """Whether light that comes by way of other surfaces is found by rays between surfels, a few times on the
-    way (inferred: the paper has none, and a room has)."""
+    """True if light that comes by way of other surfaces is found by rays between surfels, a few times on
+    the way (inferred: the paper has none, and a room has)."""
     base_color_weight: float = 0.5
-    """Of what differs from the prior's base colour, mean absolute (paper: lambda_A)."""
+    """Weight of what differs from the prior's base colour, mean absolute (paper: lambda_A)."""
     roughness_weight: float = 0.1
     """Paper: lambda_R."""
     metallic_weight: float = 0.1
     """Paper: lambda_M."""
     normal_prior_weight: float = 0.1
-    """Of 1 - cosine between drawn normals and the prior's in the first stage (inferred)."""
+    """Weight of 1 - cosine between drawn normals and the prior's in the first stage (inferred)."""
     normal_weight: float = 0.1
-    """Of drawn normals that are not those of the drawn depth, as in ``2dgs``."""
+    """Weight of drawn normals that are not those of the drawn depth, as in ``2dgs``."""
     distortion_weight: float = 100.0
-    """Of the spread of surfels along rays, as in ``2dgs``."""
+    """Weight of the spread of surfels along rays, as in ``2dgs``."""
     geometry_start: float = 0.1
     """Share of the first stage after which these begin to count."""
     cover_weight: float = 0.05
-    """Of what shines through all surfels, as in ``2dgs``."""
+    """Weight of what shines through all surfels, as in ``2dgs``."""
     matte_weight: float = 0.0
-    """Of 1 - roughness + metallic, averaged: without a prior what shines has to say why (GS-IR)."""
+    """Weight of 1 - roughness + metallic, averaged: without a prior shine needs a reason (GS-IR)."""
     smooth_weight: float = 0.0
-    """Of squared differences of neighbouring pixels in base colour, roughness and metallic, less where the
-    photograph differs too (GS-IR: 1)."""
+    """Weight of squared differences of neighbouring pixels in base colour, roughness and metallic, less
+    where the photograph differs too (GS-IR: 1)."""
     lamp_weight: float = 1e-3
-    """Of the sum of the square roots of what each lamp gives to what is seen, mean irradiance: the fewer the
-    better (inferred)."""
+    """Weight of the sum of the square roots of what each lamp gives to what is seen, mean irradiance: the
+    fewer the better (inferred)."""
     sky_weight: float = 1e-2
-    """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
+    """Weight of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
     ssim_share: float = 0.2
     """Share of SSIM in the photometric loss of both stages; the rest is the mean absolute difference."""
     material_start: float = 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in the way of lamps as a unit vector of each surfel has it: the paper's way."""
+"""Visibility of lamps as a unit vector of each surfel has it: the paper's way."""
 
 import torch
 from torch.nn.functional import normalize
@@ -9,7 +9,7 @@ from graycard.methods.gsid._settings import Visibility
 VECTOR_FORMS: tuple[Visibility, ...] = ("vector", "vector_half", "vector_relu")
 """The ways to read it."""
 _POWER = 8
-"""Of the paper's vector in the reading that fits shadows of many lamps best."""
+"""Sharpness of the paper's vector in the reading that fits shadows of many lamps best."""
 
 
 def vector_visibility(form: Visibility, vector: torch.Tensor, toward: torch.Tensor) -> torch.Tensor:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a pretrained network would tell a method: from the truth, from classical algorithms, from weights."""
+"""Priors: answers of a pretrained network, from the truth, from classical algorithms, from weights."""
 
 from graycard.methods.priors._build import UnloadedNetwork as UnloadedNetwork
 from graycard.methods.priors._build import check_priors as check_priors

@@ -133,7 +133,7 @@ def make_priors(
     *,
     load: bool = True,
 ) -> Priors:
-    """What a method can ask.
+    """Kinds of questions.
 
     Args:
         spec: Where answers come from.
@@ -177,7 +177,9 @@ def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> P
 
 
 def _answers(spec: PriorSpec, ask: Ask) -> bool:
-    """Whether there is an answer: a folder of weights need not hold those of kinds that are optional."""
+    """Return whether there is an answer: a folder of weights need not hold those of kinds that are
+    optional.
+    """
     found = of_kind(spec, ask.kind)
     missing = _has_weights(found) and not is_there(found.weights)
     return ask.kind in GIVES[found.source] and not missing
@@ -188,7 +190,7 @@ def _has_weights(spec: KindSpec) -> bool:
 
 
 def _weights(spec: KindSpec) -> Path:
-    """Where the weights of a kind are."""
+    """Return where the weights of a kind are."""
     if spec.weights is None or not is_there(spec.weights):
         raise MethodError(
             f"expected weights for {spec.kind} priors at {spec.weights or 'a path'}, got none. Nothing is "
@@ -200,7 +202,7 @@ def _weights(spec: KindSpec) -> Path:
 
 
 def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:
-    """What changes when a file changes: a checkpoint of gigabytes is not read for each job."""
+    """Return the identity of a file; a checkpoint of gigabytes is not read for each job."""
     stats = [(p, p.stat()) for p in _files(path)]
     return tuple((p.relative_to(path).as_posix(), s.st_size, s.st_mtime_ns) for p, s in stats)
 

@@ -15,7 +15,7 @@ from graycard.methods.surfels import SweptView, sweep_depth
 
 ROUGHNESS, METALLIC = 0.5, 0.0
 MARGIN = 1.6
-"""How far the depths that are looked at go beyond those of the sparse points, as a factor."""
+"""Margin: how far the depths that are looked at go beyond those of the sparse points, as a factor."""
 DARKEST = 1e-3
 """Luminance, relative to the brightest, at which a flash sees nothing any more."""
 RANGE = (0.5, 20.0)
@@ -34,12 +34,12 @@ class Classical:
 
     capture: Capture
     algorithm: str = ""
-    """How holes are filled in, where it answers about them."""
+    """Algorithm: how holes are filled in, where it answers about them."""
     _shown: dict[str, torch.Tensor] = field(default_factory=dict, repr=False)
     """Encoded luminance of training photographs, by view: read once."""
 
     def answer(self, question: Question) -> np.ndarray:
-        """What can be said about an image."""
+        """Answers about an image."""
         image = np.asarray(question.image, np.float64)
         match question.kind:
             case "depth":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What networks get wrong about base colour: light left in the paint, a view's own gain and tint, blur."""
+"""Errors of networks in base colour: light left in the paint, a view's own gain and tint, blur."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from graycard.methods.priors._draws import blurred, draws_of, gains, log_light
 
 @dataclass(frozen=True, slots=True)
 class ColorErrors:
-    """How wrong base colours are."""
+    """Errors of base colours."""
 
     gain: float = 0.0
     """Standard deviation of the log of a view's factor for each channel."""
@@ -34,7 +34,7 @@ LEVELS = (
 def corrupt_base_color(
     color: np.ndarray, image: np.ndarray, errors: ColorErrors, seed: int, view: str
 ) -> np.ndarray:
-    """What a network would say about base colours when it is shown an image.
+    """Return what a network would say about base colours when it is shown an image.
 
     ``A' = c A (S / mean S)^leak``, clipped, with the light S that the image shows beyond the paint, I / A,
     its geometric mean, and a view's own c. An image without light in it, the base colour itself, leaves none.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What networks get wrong about depth: scale, curvature, waves, soft edges, and light taken for relief."""
+"""Errors of networks in depth: scale, curvature, waves, soft edges, and light taken for relief."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ NEAREST = 0.05
 
 @dataclass(frozen=True, slots=True)
 class DepthErrors:
-    """How wrong a depth is."""
+    """Errors of a depth."""
 
     scale: float = 0.0
     """Standard deviation of the log of a view's scale."""
@@ -28,7 +28,7 @@ class DepthErrors:
     kappa: float = 0.0
     """Log depth for each natural log by which the image's light stands out, dark being deep."""
     blur: float = 0.0
-    """Of edges, a share of the width."""
+    """Softness of edges, a share of the width."""
 
 
 LEVELS = (
@@ -45,7 +45,7 @@ LEVELS = (
 def corrupt_depth(
     depth: np.ndarray, light: np.ndarray, errors: DepthErrors, seed: int, view: str
 ) -> np.ndarray:
-    """What a network would say about a depth when it is shown an image in some light.
+    """Return what a network would say about a depth when it is shown an image in some light.
 
     ``D' = a m (D / m)^g exp(s G - kappa B(ln S)) + b m`` with the median m, a view's own a, ln g and b, a
     smooth random field G, and a band-pass B of the light S that the image shows: a bright spot looks near, a

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all corruptions are made of: draws of a view, smooth random fields, blur, the light in an image.
+"""Draws that all corruptions are made of: draws of a view, smooth random fields, blur, the light in an image.
 
 Lengths are shares of the image's width, for networks see every image at their own size. Draws depend on seed,
 kind and view alone: not on the severity, so that errors grow with it in place; not on the image, so that two
@@ -15,7 +15,7 @@ DARKEST = 1e-4
 BLACK = 0.01
 """Base colour below which its share of the light cannot be told."""
 RANGE = np.log(100.0)
-"""How far light may be from its mean, natural log: what is darker or brighter counts as this."""
+"""Bounds: how far light may be from its mean, natural log: what is darker or brighter counts as this."""
 CORRELATION = 0.06
 """Correlation length of random fields: about the size of a thing in a room."""
 
@@ -93,7 +93,7 @@ def log_light(image: np.ndarray, base_color: np.ndarray) -> np.ndarray:
 
 
 def relief(light: np.ndarray, fine: float, coarse: float) -> np.ndarray:
-    """What stands out in the light: what is between two scales, 0 under even light.
+    """Return what stands out in the light: what is between two scales, 0 under even light.
 
     Args:
         light: shape ``(H, W, 3)``, of :func:`log_light`.

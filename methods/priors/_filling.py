@@ -9,9 +9,10 @@ import numpy as np
 from graycard import MethodError
 
 RADIUS = 0.03
-"""How far Telea's algorithm looks for what is known, a share of the width: 3 pixels of 112, 15 of 512."""
+"""Radius: how far Telea's algorithm looks for what is known, a share of the width: 3 pixels of 112, 15 of
+512."""
 RANGE = 255.0
-"""Of the values that OpenCV is handed. To each pixel it adds the direction of a slope, up to √2 whatever the
+"""Range of the values for OpenCV. To each pixel it adds the direction of a slope, up to √2 whatever the
 slope's size: little beside the range of 8 bits, but more than all there is of an image in [0, 1]."""
 
 

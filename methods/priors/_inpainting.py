@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What inpainting networks get wrong: each view in its own way is off in colour, place and detail."""
+"""Errors of inpainting networks: each view in its own way is off in colour, place and detail."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ WARP = 0.1
 
 @dataclass(frozen=True, slots=True)
 class InpaintingErrors:
-    """How wrong a filled hole is."""
+    """Errors of a filled hole."""
 
     gain: float = 0.0
     """Standard deviation of the log of a view's factor for each channel."""
@@ -37,7 +37,7 @@ LEVELS = (
 def corrupt_filling(
     without: np.ndarray, errors: InpaintingErrors, seed: int, view: str, is_colour: bool = True
 ) -> np.ndarray:
-    """What a network would fill in, where the truth is a layer of the view without the object.
+    """Return what a network would fill in, where the truth is a layer of the view without the object.
 
     All layers of a view are displaced alike, and all its colours have the same factors.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a calibration of the lamp on the camera gets wrong: place, direction, width of the beam, strength.
+"""Errors in the calibration of a lamp: place, direction, width of the beam, strength.
 
 No network tells these: photographs of a known target in a dark room do (DarkGS, Zhang et al. 2024).
 """
@@ -19,7 +19,7 @@ WIDEST = 180.0
 
 @dataclass(frozen=True, slots=True)
 class LightErrors:
-    """How wrong the calibration of a lamp is."""
+    """Errors in the calibration of a lamp."""
 
     translation: float = 0.0
     """Root mean square of how far off its place is, metres."""
@@ -43,7 +43,7 @@ LEVELS = (
 
 
 def calibrated(lights: Sequence[Light], errors: LightErrors, seed: int) -> Lamp:
-    """What a calibration says about the one lamp on the camera.
+    """Return what a calibration says about the one lamp on the camera.
 
     Args:
         lights: The true lights of the scene; those that stand in the room do not matter.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What networks get wrong about masks: too wide or too narrow, a trembling border, a view without."""
+"""Errors of networks in masks: too wide or too narrow, a trembling border, a view without."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ TREMBLE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class MaskErrors:
-    """How wrong a mask is."""
+    """Errors of a mask."""
 
     spread: float = 0.0
     """Standard deviation of how far a view's mask is dilated (or eroded), a share of the width."""
@@ -35,7 +35,7 @@ LEVELS = (
 
 
 def corrupt_mask(mask: np.ndarray, of: str, errors: MaskErrors, seed: int, view: str) -> np.ndarray:
-    """What a network would say about where something is, shape ``(H, W)``, bool.
+    """Return what a network would say about where something is, shape ``(H, W)``, bool.
 
     Args:
         mask: shape ``(H, W)``, bool.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What networks get wrong about materials: roughness is off by a bit, metals are taken for paint."""
+"""Errors of networks in materials: roughness is off by a bit, metals are taken for paint."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from graycard.methods.priors._draws import draws_of, smooth_field
 
 @dataclass(frozen=True, slots=True)
 class RoughnessErrors:
-    """How wrong roughness is."""
+    """Errors of roughness."""
 
     bias: float = 0.0
     """Standard deviation of a view's offset."""
@@ -31,7 +31,7 @@ ROUGHNESS_LEVELS = (
 
 @dataclass(frozen=True, slots=True)
 class MetallicErrors:
-    """How wrong the metallic share is."""
+    """Errors of the metallic share."""
 
     flips: float = 0.0
     """Probability that an object of a view is taken for the other."""
@@ -42,7 +42,7 @@ METALLIC_LEVELS = tuple(MetallicErrors(p) for p in (0.0, 0.02, 0.05, 0.1, 0.2, 0
 
 
 def corrupt_roughness(roughness: np.ndarray, errors: RoughnessErrors, seed: int, view: str) -> np.ndarray:
-    """What a network would say about roughness, shape ``(H, W)``, [0, 1], float64.
+    """Return what a network would say about roughness, shape ``(H, W)``, [0, 1], float64.
 
     Args:
         roughness: shape ``(H, W)``, [0, 1].
@@ -58,7 +58,7 @@ def corrupt_roughness(roughness: np.ndarray, errors: RoughnessErrors, seed: int,
 def corrupt_metallic(
     metallic: np.ndarray, object_id: np.ndarray, errors: MetallicErrors, seed: int, view: str
 ) -> np.ndarray:
-    """What a network would say about the metallic share, shape ``(H, W)``, [0, 1], float64.
+    """Return what a network would say about the metallic share, shape ``(H, W)``, [0, 1], float64.
 
     Args:
         metallic: shape ``(H, W)``, [0, 1].

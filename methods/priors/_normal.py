@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What networks get wrong about normals: bumps, a turned frame, soft edges, and light taken for relief."""
+"""Errors of networks in normals: bumps, a turned frame, soft edges, and light taken for relief."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ FINE, COARSE = 0.03, 0.2
 
 @dataclass(frozen=True, slots=True)
 class NormalErrors:
-    """How wrong normals are."""
+    """Errors of normals."""
 
     waves: float = 0.0
     """Standard deviation of a smooth random field in each coordinate."""
@@ -26,7 +26,7 @@ class NormalErrors:
     kappa: float = 0.0
     """Log depth of the relief that is seen for each natural log by which the image's light stands out."""
     blur: float = 0.0
-    """Of edges, a share of the width."""
+    """Softness of edges, a share of the width."""
     flip: float = 0.0
     """Other than 0: y and z of the camera's axes are the other way round, as in OpenGL. Never by severity."""
 
@@ -45,7 +45,7 @@ LEVELS = (
 def corrupt_normal(
     normal: np.ndarray, light: np.ndarray, camera: Camera, errors: NormalErrors, seed: int, view: str
 ) -> np.ndarray:
-    """What a network would say about normals when it is shown an image in some light.
+    """Return what a network would say about normals when it is shown an image in some light.
 
     A smooth random field is added, and the slope of the relief that the image seems to have: depth times
     ``exp(-kappa B)`` adds ``-kappa (fx dB/du, fy dB/dv, 0)`` to a normal along the camera's axes.

@@ -31,7 +31,7 @@ _TRUTH_OF_HOLES = {
     "normal": ("counterfactual.normal",),
     "glossy": (_F0, _ROUGHNESS),
 }
-"""What is known without the target, by the layers whose holes it fills: of no other is there a truth. The
+"""Layers known without the target, by the layers whose holes it fills: of no other is there a truth. The
 layer itself comes first, then what tells glossy surfaces."""
 _SPLIT = frozenset({"diffuse", "f0", "roughness"})
 """Layers of glossy surfaces that photographs hardly tell apart: each method has a split of its own."""
@@ -151,7 +151,7 @@ class OraclePrior:
 
 
 def _is_glossy(known: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Which pixels are glossy without the target, ``(H, W)``, bool."""
+    """Return which pixels are glossy without the target, ``(H, W)``, bool."""
     return (known[_F0] > 0).any(axis=-1) & (known[_ROUGHNESS] < GLOSSY_ROUGHNESS)
 
 
@@ -171,6 +171,6 @@ def _continued(true: np.ndarray, question: Question, glossy: np.ndarray) -> np.n
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Of length one, or zero where they are next to it, ``(H, W, 3)``."""
+    """Return vectors of length one, or zero where they are next to it, ``(H, W, 3)``."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.where(length > _NO_NORMAL, vectors / np.maximum(length, _NO_NORMAL), 0.0)

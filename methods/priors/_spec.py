@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which priors a fit is given: part of what addresses a job, of a suite, of a run record."""
+"""Specification of priors: part of what addresses a job, of a suite, of a run record."""
 
 import math
 import os
@@ -30,7 +30,7 @@ LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "inpainting": _inpainting.LEVELS,
     "light": _light.LEVELS,
 }
-"""How wrong the oracle is, by kind and severity."""
+"""Errors of the oracle, by kind and severity."""
 ALGORITHMS: Mapping[tuple[PriorSource, PriorKind], tuple[str, ...]] = {
     ("oracle", "normal"): _normal.ALGORITHMS,
     ("classical", "inpainting"): _filling.ALGORITHMS,
@@ -40,7 +40,7 @@ ALGORITHMS: Mapping[tuple[PriorSource, PriorKind], tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Override:
-    """What is different for one kind; what is None is as in the spec."""
+    """Overrides of one kind; what is None is as in the spec."""
 
     source: PriorSource | None = None
     severity: int | None = None
@@ -54,7 +54,7 @@ class Override:
 
 @dataclass(frozen=True, slots=True)
 class PriorSpec:
-    """Which priors a method is given.
+    """Priors that a method is given.
 
     ``oracle`` answers with the truth, made wrong as networks are wrong; ``classical`` with algorithms that
     need no weights; ``pretrained`` with networks on disk.
@@ -66,9 +66,9 @@ class PriorSpec:
 
     source: PriorSource = "none"
     severity: int = 0
-    """Of the oracle's errors: 0 is the truth itself, 5 the worst."""
+    """Severity of the oracle's errors: 0 is the truth itself, 5 the worst."""
     seed: int = 0
-    """Of the oracle's errors."""
+    """Seed of the oracle's errors."""
     path: str = ""
     """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript); ``own`` for
     graycard's own weights; or a file of such weights that ends in ``.safetensors``."""
@@ -101,14 +101,14 @@ class PriorSpec:
 
 @dataclass(frozen=True, slots=True)
 class KindSpec:
-    """Where the answers about one kind come from."""
+    """Source of answers about one kind."""
 
     kind: PriorKind
     source: PriorSource
     severity: int
     seed: int
     weights: Path | None
-    """Of a pretrained source: the folder or file; None for others, and where no path is given."""
+    """Weights of a pretrained source: the folder or file; None for others, and where no path is given."""
     errors: Any
     """Errors of the oracle: the dataclass of its kind; that of depth for normals that are its slopes."""
     algorithm: str

@@ -33,7 +33,7 @@ class ScriptedNetwork:
     module: torch.nn.Module
 
     def answer(self, question: Question) -> np.ndarray:
-        """What the module says.
+        """Return what the module says.
 
         Raises:
             MethodError: It breaks, or gives images of another size.
@@ -116,7 +116,7 @@ def load_torchscript(path: Path) -> torch.nn.Module:
 
 
 def _run(module: torch.nn.Module, *inputs: torch.Tensor) -> torch.Tensor:
-    """What a module gives for its inputs.
+    """Return what a module gives for its inputs.
 
     Raises:
         MethodError: It breaks, or gives no tensor.

@@ -14,8 +14,8 @@ from graycard.methods._priors import Question
 from graycard.methods.priors._slopes import normals_of
 
 FARTHEST = 100.0
-"""How many times the nearest depth the farthest is at most, where a network gives inverse depth up to scale:
-its zero means nothing."""
+"""Ratio: how many times the nearest depth the farthest is at most, where a network gives inverse depth up
+to scale: its zero means nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,9 @@ def load_depth_network(path: Path) -> tuple[Any, Any]:
 
 
 def _is_inverse(config: Any) -> bool:
-    """Whether a network gives inverse depth up to scale: DPT, and Depth Anything unless it is metric."""
+    """Return whether a network gives inverse depth up to scale: DPT, and Depth Anything unless it is
+    metric.
+    """
     return config.model_type == "dpt" or getattr(config, "depth_estimation_type", "") == "relative"
 
 

@@ -34,14 +34,15 @@ BASE_COLOR, ROUGHNESS, OWN = "base colour", "roughness", "own incident light"
 SKY = "log sky"
 """Cubemap ``(6, N, N, 3)``: logarithm of W/m²/sr times the exposure."""
 DEGREE = 3
-"""Of the harmonics."""
+"""Degree of the harmonics."""
 LEAST_ROUGHNESS, ROUGHNESS_SPAN = 0.09, 0.9
-"""As in the paper's code. Sharp lobes still fall between the directions: the limit of such a mean."""
+"""Roughness as in the paper's code. Sharp lobes still fall between the directions: the limit of such a
+mean."""
 
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Where light may come from, for N surfels and D directions each; no gradient."""
+    """Incident light for N surfels and D directions each; no gradient."""
 
     normals: torch.Tensor
     """Shape ``(N, 3)``, unit, to the side that is seen."""
@@ -122,7 +123,7 @@ def facing_eye(centres: torch.Tensor, normals: torch.Tensor, eye: torch.Tensor) 
 
 
 def from_sky(sky: torch.Tensor, directions: Directions, rows: torch.Tensor) -> torch.Tensor:
-    """What comes from an environment, shape ``(R, D, 3)``, in its unit."""
+    """Return the light that comes from an environment, shape ``(R, D, 3)``, in its unit."""
     return directions.through[rows][..., None] * look_up(sky, directions.toward[rows])
 
 

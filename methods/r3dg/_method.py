@@ -31,7 +31,7 @@ from graycard.methods.surfels import (
 ALBEDO = 0.5
 """Base colour and roughness before the second stage (inferred)."""
 _DARKEST = 1e-3
-"""Of the sky before it: the logarithm of black is infinite."""
+"""Floor of the sky before it: the logarithm of black is infinite."""
 
 
 class R3dgMethod(SceneMethod[R3dgSettings, R3dgScene]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second stage lowers: how far surfels are from the photographs, and light that is too free."""
+"""Loss of the second stage: how far surfels are from the photographs, and light that is too free."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -67,7 +67,7 @@ class R3dgScene(LayeredScene):
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     given: GivenLights | None = None
     """None: the light that was found."""
 
@@ -147,7 +147,7 @@ class R3dgScene(LayeredScene):
         return replace(self, given=given_lights(lights, OWN_SKY, self._sky))
 
     def counts(self, camera: Camera) -> Mapping[str, float]:
-        """How often light is found for a picture: once a surfel that may be seen."""
+        """Return how often light is found for a picture: once a surfel that may be seen."""
         return {"light evaluations": len(in_view(self.parameters.all, camera))}
 
     def _contents(self) -> SceneContents:

@@ -14,27 +14,27 @@ class R3dgSettings:
     """
 
     iterations: int = 1500
-    """Of both stages (paper: 50 000)."""
+    """Steps of both stages (paper: 50 000)."""
     surfels: int = 5000
     """No more than these."""
     fill: float = 0.75
     """Share of ``surfels`` that begin where stereo finds depth, as in ``2dgs``."""
     geometry_share: float = 0.6
-    """Of the budget: the first stage, surfels with view-dependent colours (paper: 30 000 of 50 000)."""
+    """Share of the budget: the first stage, surfels with view-dependent colours (paper: 30 000 of 50 000)."""
     sky_size: int = 16
     """Texels along the side of a face of the environment's cubemap."""
     ssim_share: float = 0.2
-    """Of the photometric loss; all else is the mean absolute difference."""
+    """SSIM's share of the photometric loss; all else is the mean absolute difference."""
     base_color_smooth_weight: float = 1.0
-    """Of changes of base colour where the photograph does not change."""
+    """Weight of changes of base colour where the photograph does not change."""
     roughness_smooth_weight: float = 0.5
     """The same of roughness."""
     light_smooth_weight: float = 1.0
     """The same of the light that arrives."""
     white_weight: float = 0.01
-    """Of the colour of the light that arrives: it should be grey."""
+    """Weight of the colour of the light that arrives: it should be grey."""
     sky_weight: float = 0.01
-    """Of the mean absolute difference between neighbours in the cubemap."""
+    """Weight of the mean absolute difference between neighbours in the cubemap."""
     backend: FitBackend = "cpu"
     """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``cuda``). Two fits
     differ by rounding there."""

@@ -29,12 +29,12 @@ class Behind:
     depth: np.ndarray
     """Shape ``(H, W)``, z-depth of the surfels, metres; +inf where they cover less than half of a pixel."""
     layers: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What surfels show besides, by name, each ``(H, W)`` or ``(H, W, C)``: to be filled in too."""
+    """Other layers, by name, each ``(H, W)`` or ``(H, W, C)``: to be filled in too."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedView:
-    """What a camera sees of surfels, as :class:`Behind` has it."""
+    """View of surfels, as :class:`Behind` has it."""
 
     picture: np.ndarray
     depth: np.ndarray
@@ -80,7 +80,7 @@ def views_behind(
 
 
 def drawn_colours(values: Mapping[str, torch.Tensor]) -> Callable[[Camera], RenderedView]:
-    """What cameras see of coloured surfels: the picture, linear and in display range, over their sky.
+    """Return what cameras see of coloured surfels: the picture, linear and in display range, over their sky.
 
     Args:
         values: Parameters of surfels and sky by name.
@@ -100,7 +100,8 @@ def seen_elsewhere(
     where: np.ndarray,
     others: Sequence[tuple[Camera, np.ndarray, np.ndarray]],
 ) -> np.ndarray:
-    """Which pixels show a surface that another view sees too, and there not in doubt (as 3DGIC has it).
+    """Return which pixels show a surface that another view sees too, and there not in doubt (as 3DGIC has
+    it).
 
     Args:
         camera: Of the view.

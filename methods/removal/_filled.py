@@ -29,7 +29,7 @@ class BackgroundPoints:
     distances: np.ndarray
     """Shape ``(M,)``, metres, from that view."""
     layers: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What it shows besides, by name, each ``(M,)`` or ``(M, C)``."""
+    """Other values, by name, each ``(M,)`` or ``(M, C)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Target:
     known: np.ndarray
     """Shape ``(H, W)``, bool: in the hole, where ``picture`` says what is there."""
     layers: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What it is to show besides, by name, each ``(H, W)`` or ``(H, W, C)``."""
+    """Other layers to show, by name, each ``(H, W)`` or ``(H, W, C)``."""
 
 
 class Choice(NamedTuple):
@@ -60,7 +60,7 @@ def targets_of(
     references: int,
     choose: Choice | None = None,
 ) -> tuple[list[Target], BackgroundPoints]:
-    """What views are to show, and the points that their holes show.
+    """Targets of views, and the points that their holes show.
 
     Args:
         behind: The training views.

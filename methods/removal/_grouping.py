@@ -90,7 +90,8 @@ def identified(task: FitTask[GroupingSettings], masks: list[np.ndarray], method:
 
 
 def named_surfels(fitted: Parameters, settings: GroupingSettings) -> torch.Tensor:
-    """Which surfels are the object's, shape ``(N,)``, bool: those that say so, and those in their hull.
+    """Return which surfels are the object's, shape ``(N,)``, bool: those that say so, and those in their
+    hull.
 
     Raises:
         MethodError: None is the object's, or all are.
@@ -102,7 +103,8 @@ def named_surfels(fitted: Parameters, settings: GroupingSettings) -> torch.Tenso
 
 
 def with_means(left: Parameters, gone: torch.Tensor, neighbours: int) -> Parameters:
-    """What is left, with a new surfel for each that is gone: the mean of the nearest to it in all parameters.
+    """Return what is left, with a new surfel for each that is gone: the mean of the nearest to it in all
+    parameters.
 
     Args:
         left: N surfels.
@@ -119,7 +121,7 @@ def with_means(left: Parameters, gone: torch.Tensor, neighbours: int) -> Paramet
 
 
 def pixel_weights(target: Target, inside_share: float) -> np.ndarray:
-    """How much the pixels of a view count, shape ``(H, W)``; 1 in the mean where there is a hole.
+    """Return how much the pixels of a view count, shape ``(H, W)``; 1 in the mean where there is a hole.
 
     A share goes to the box around the hole, the rest to what is not in doubt; each is a mean over its pixels,
     so that small holes count as much as large ones. Where nobody knows what is there, nothing counts.

@@ -69,13 +69,15 @@ def identity_rates(settings: GroupingSettings) -> dict[str, LearningRateSchedule
 
 
 def class_scores(values: Mapping[str, torch.Tensor], identities: torch.Tensor) -> torch.Tensor:
-    """What the classifier says of identities, shape ``(..., 2)`` of ``(..., D)``: before the softmax."""
+    """Return what the classifier says of identities, shape ``(..., 2)`` of ``(..., D)``: before the
+    softmax.
+    """
     return linear(identities, values[WEIGHTS], values[BIASES])
 
 
 @torch.no_grad()
 def object_probabilities(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """How probable it is that surfels are the object's, shape ``(N,)``."""
+    """Return how probable it is that surfels are the object's, shape ``(N,)``."""
     return class_scores(values, values[IDENTITIES]).softmax(dim=-1)[:, OBJECT]
 
 
@@ -85,7 +87,7 @@ class IdentityObjective:
 
     colours: SurfelObjective
     masks: Sequence[torch.Tensor]
-    """Of the object, one a view, shape ``(H, W)``: classes, int64."""
+    """Labels of the object, one a view, shape ``(H, W)``: classes, int64."""
     settings: GroupingSettings
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:

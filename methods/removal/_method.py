@@ -36,7 +36,7 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import FitTask, SceneMethod, SurfelSettings, with_colours
 
 NEW_OPACITY = 0.5
-"""Of surfels that are put where the object was."""
+"""Opacity of surfels that are put where the object was."""
 LARGEST = 2.0
 """The largest size of a new surfel, as its view sees it, over the median of all new ones.
 
@@ -108,7 +108,7 @@ class KeepMethod(SceneMethod[SurfelSettings, RemovalScene]):
 def with_wall(
     left: Parameters, taken: int, wall: BackgroundPoints, settings: RemovalSettings, seed: int
 ) -> Parameters:
-    """What is left, with new surfels on the wall behind the object."""
+    """Return what is left, with new surfels on the wall behind the object."""
     discs = wall_surfels(len(left), taken, wall, np.asarray(srgb_encode(wall.colours)), settings, seed)
     return left if discs is None else joined_surfels(left, with_colours(discs, settings).surfels)
 

@@ -98,13 +98,14 @@ class GroupingSettings(StagedSettings):
     identity_dim: int = 16
     """Numbers that say whose a surfel is."""
     neighbours: int = 5
-    """Of a surfel: they are to be of the same object, and new surfels begin as their mean."""
+    """Number of neighbours of a surfel: they are to be of the same object, and new surfels begin as their
+    mean."""
     samples: int = 1000
     """Surfels that are compared with their neighbours at a time."""
     consistency_every: int = 5
     """Steps from one comparison to the next."""
     consistency_weight: float = 2.0
-    """Of what surfels and their neighbours differ by."""
+    """Weight of what surfels and their neighbours differ by."""
     identity_rate: float = 1e-2
     """Learning rate of the identities (2.5e-3 in thirty thousand steps)."""
     classifier_rate: float = 5e-3
@@ -112,7 +113,8 @@ class GroupingSettings(StagedSettings):
     least_probability: float = 0.3
     """A surfel is the object's if its identity says so with more than this probability."""
     inside_share: float = 0.5
-    """Of the second stage's loss: what is wrong around holes; the rest is what is wrong outside of them."""
+    """Share of the second stage's loss: what is wrong around holes; the rest is what is wrong outside of
+    them."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -48,7 +48,7 @@ SurfelSettingsT = TypeVar("SurfelSettingsT", bound=SurfelSettings)
 StagedSettingsT = TypeVar("StagedSettingsT", bound=StagedSettings)
 
 FIRST = "2dgs"
-"""What the first stage of all radiance-only removals is: they share what it saves."""
+"""Identity of the first stage of all radiance-only removals, which share what it saves."""
 
 
 def first_settings(settings: SurfelSettings) -> SurfelSettings:
@@ -78,7 +78,7 @@ def checked(task: FitTask[SurfelSettingsT], method: str, first: SurfelSettings) 
 def checked_for_removal(
     task: FitTask[StagedSettingsT], method: str, first: SurfelSettings
 ) -> list[np.ndarray]:
-    """As :func:`checked`, of a capture whose object can be removed; its masks as the settings want them.
+    """Check a task as :func:`checked` does, and that its object can be removed; return masks by the settings.
 
     Raises:
         MethodError: It cannot, masks are not sound, or no prior fills in holes.

@@ -15,11 +15,12 @@ from graycard.methods.splat import Surfels, share_inside
 _FAR = 1.5
 """Quartile ranges beyond the quartiles: a surfel further out is a stray one (Tukey 1977)."""
 _FLAT = 0.5
-"""Of the largest quartile range, the least along other axes: a thin object may have a part on top."""
+"""Threshold: share of the largest quartile range, the least along other axes: a thin object may have a
+part on top."""
 
 
 def target_masks(capture: Capture, grow: float = 0.0) -> list[np.ndarray]:
-    """Where the training views see the object, one mask a view, shape ``(H, W)``, bool.
+    """Return where the training views see the object, one mask a view, shape ``(H, W)``, bool.
 
     Args:
         capture: The photographs.
@@ -75,7 +76,7 @@ def widened(mask: np.ndarray, grow: float) -> np.ndarray:
 def target_surfels(
     surfels: Surfels, cameras: Sequence[Camera], masks: Sequence[np.ndarray], least: float
 ) -> torch.Tensor:
-    """Which surfels are the object's: those that its masks show, and those inside of their hull.
+    """Return which surfels are the object's: those that its masks show, and those inside of their hull.
 
     Args:
         surfels: N of them.
@@ -129,7 +130,7 @@ def check_some(theirs: torch.Tensor, how: str, setting: str) -> None:
 
 
 def _inside_hull(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Which places lie in the convex hull of those chosen; none where they span no volume."""
+    """Return which places lie in the convex hull of those chosen; none where they span no volume."""
     try:
         return Delaunay(without_strays(places[chosen])).find_simplex(places) >= 0
     except (QhullError, ValueError):  # too few, or all in a plane

@@ -22,7 +22,7 @@ _DOWN = np.array([(0, -1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, -1, 0), (0,
 
 
 def texel_directions(size: int, per_side: int = 1) -> np.ndarray:
-    """Where points of the texels look.
+    """Directions of the texels.
 
     Args:
         size: Texels along the side of a face.
@@ -36,7 +36,8 @@ def texel_directions(size: int, per_side: int = 1) -> np.ndarray:
 
 
 def solid_angles(size: int) -> np.ndarray:
-    """How much of the sphere each texel of a face is, exact: shape ``(size, size)``, sr; six faces are 4 pi.
+    """Return how much of the sphere each texel of a face is, exact: shape ``(size, size)``, sr; six faces are
+    4 pi.
 
     ``A(u1, v1) - A(u0, v1) - A(u1, v0) + A(u0, v0)`` with ``A(u, v) = atan(u v / sqrt(1 + u² + v²))``.
     """
@@ -47,7 +48,8 @@ def solid_angles(size: int) -> np.ndarray:
 
 
 def turned_texels(size: int) -> torch.Tensor:
-    """Where each texel goes when the cube is turned so that a face becomes the first, shape ``(6, 6 size²)``.
+    """Return where each texel goes when the cube is turned so that a face becomes the first, shape ``(6, 6
+    size²)``.
 
     Row ``f`` is for the turn that brings face ``f``, upright, to the place of face 0.
     """
@@ -57,7 +59,7 @@ def turned_texels(size: int) -> torch.Tensor:
 
 
 def look_up(cubemap: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
-    """What is seen in directions, bilinear, across the edges of the faces too.
+    """Return what is seen in directions, bilinear, across the edges of the faces too.
 
     Args:
         cubemap: Shape ``(6, N, N, C)``.
@@ -72,7 +74,7 @@ def look_up(cubemap: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
 def look_up_between(
     cubemaps: Sequence[torch.Tensor], directions: torch.Tensor, levels: torch.Tensor
 ) -> torch.Tensor:
-    """What is seen in directions between two of several cubemaps, linear between them.
+    """Return what is seen in directions between two of several cubemaps, linear between them.
 
     Args:
         cubemaps: Each of shape ``(6, N, N, C)``, with an N of its own.
@@ -102,7 +104,7 @@ class _Seen(torch.autograd.Function):
     def forward(
         ctx: Any, texels: torch.Tensor, directions: torch.Tensor, levels: torch.Tensor, sizes: tuple[int, ...]
     ) -> torch.Tensor:
-        """What is seen, ``(R, C)``."""
+        """Values seen, ``(R, C)``."""
         from graycard.methods.shading._cubemap_kernels import seen  # Numba takes long to import
 
         ctx.save_for_backward(texels, directions, levels)
@@ -133,7 +135,7 @@ class _Seen(torch.autograd.Function):
 def _inputs(
     texels: torch.Tensor, directions: torch.Tensor, levels: torch.Tensor, sizes: tuple[int, ...]
 ) -> _Inputs:
-    """What both kernels take."""
+    """Arguments of both kernels."""
     toward = contiguous_array(directions)
     axes = np.stack([_RIGHT, _DOWN]).astype(toward.dtype)
     return (

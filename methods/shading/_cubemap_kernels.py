@@ -13,8 +13,8 @@ from graycard.methods._numba import njit
 
 @njit(cache=True, error_model="numpy")
 def _place(directions, row, axes, size):
-    """Where a direction meets its face: the face, its axis, two coordinates in [-1, 1], the texel to the
-    upper left in a face with a border, and how far it is across and down from there.
+    """Return where a direction meets its face: the face, its axis, two coordinates in [-1, 1], the texel
+    to the upper left in a face with a border, and how far it is across and down from there.
     """
     axis = 0
     for other in range(1, 3):
@@ -129,7 +129,7 @@ def seen_backward(
 
 @njit(cache=True)
 def _begins(sizes):
-    """Where the bordered faces of each cubemap begin."""
+    """Offsets where the bordered faces of each cubemap begin."""
     begins = np.zeros(len(sizes), np.int64)
     for number in range(1, len(sizes)):
         begins[number] = begins[number - 1] + 6 * (sizes[number - 1] + 2) ** 2

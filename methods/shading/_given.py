@@ -50,7 +50,8 @@ def given_lights(lights: Sequence[Light], own: EnvironmentLight, sky: torch.Tens
 
 
 def given_from_store(facts: Mapping[str, Any], arrays: dict[str, np.ndarray]) -> GivenLights | None:
-    """What :meth:`GivenLights.to_store` gave, which is taken out of the arrays; None where nothing was saved.
+    """Arrays that :meth:`GivenLights.to_store` gave, which is taken out of the arrays; None where nothing was
+    saved.
 
     Raises:
         MethodError: It is damaged.

@@ -26,7 +26,7 @@ class KnownLamps:
     """Shape ``(K, 3)``, metres."""
     lights: tuple[LocalLight, ...]
     points: tuple[int, ...]
-    """How many of the positions stand for each light, in the order of the lights."""
+    """Counts: how many of the positions stand for each light, in the order of the lights."""
     turns: tuple[torch.Tensor, ...]
     """Shape ``(3, 3)``: turns rows of world axes into those of each light, multiplied from the right."""
 
@@ -78,7 +78,7 @@ def known_lamps(
 def light_at(
     lights: Sequence[LocalLight], points: np.ndarray, normals: np.ndarray, camera: Camera
 ) -> np.ndarray:
-    """What matte surfaces of albedo 1 send back of lights that reach them unhindered.
+    """Return what matte surfaces of albedo 1 send back of lights that reach them unhindered.
 
     ``sum I(w) max(0, n . -w) / (pi d^2)`` over the points of the lights, with the radiant intensity I in the
     direction w to the surface and the distance d.

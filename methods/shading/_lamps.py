@@ -101,7 +101,7 @@ class Shining(Protocol):
 
 
 def arriving(lamps: Shining, points: torch.Tensor, soften: float = 0.0) -> Arrival:
-    """What lamps send to points.
+    """Light of lamps at points.
 
     Args:
         lamps: K of them, :class:`Lamps` or others.

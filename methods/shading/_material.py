@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a surface returns of light: a Lambertian lobe and a GGX lobe with Schlick's Fresnel.
+"""Material: a Lambertian lobe and a GGX lobe with Schlick's Fresnel.
 
 With base colour ``c``, roughness ``r`` and metallic ``m``, towards the unit vectors ``l`` and ``v`` on the
 side of the normal ``n``, with ``h = (l + v) / |l + v|``::

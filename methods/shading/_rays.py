@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in the way of light: rays through surfels."""
+"""Occlusion: rays through surfels."""
 
 import numpy as np
 import torch

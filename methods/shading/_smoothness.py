@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How uneven images are: what regularisers lower."""
+"""Smoothness: what regularisers lower."""
 
 import torch
 

@@ -24,11 +24,11 @@ from graycard.methods.shading._cubemap import (
 from graycard.methods.shading._material import MIN_ALPHA, Lobes, Material, smith_shadowing
 
 ROUGHNESSES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Of the filtered skies; between them it is interpolated. The first is the sky itself."""
+"""Roughness of the filtered skies; between them it is interpolated. The first is the sky itself."""
 _POINTS = 32
 _SIZES = ((16, 2 * _POINTS), (16, _POINTS), (8, _POINTS), (8, _POINTS), (8, _POINTS))
-"""Of the others: texels along the side of a face, and points along it over which kernels are integrated, as
-their lobes need."""
+"""Sizes of the others: texels along the side of a face, and points along it over which kernels are
+integrated, as their lobes need."""
 _IRRADIANCE_SIZE = 16
 _AT_ONCE = 2**20
 """Values of a kernel that are held at once while it is made."""
@@ -56,7 +56,7 @@ def surroundings_of(sky: torch.Tensor) -> Surroundings:
 
 
 def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
-    """What :class:`Surroundings` holds for glossy surfaces, where no matte one is lit.
+    """Subset that :class:`Surroundings` holds for glossy surfaces, where no matte one is lit.
 
     Args:
         sky: As for :func:`surroundings_of`.
@@ -118,7 +118,8 @@ def lit_by_surroundings(
 def reflected_sky(
     skies: Sequence[torch.Tensor], directions: torch.Tensor, roughness: torch.Tensor
 ) -> torch.Tensor:
-    """What surfaces of a roughness mirror: linear between the two filtered skies that are nearest to it.
+    """Return what surfaces of a roughness mirror: linear between the two filtered skies that are nearest to
+    it.
 
     Args:
         skies: Of :func:`prefiltered_skies`.
@@ -157,13 +158,13 @@ def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
 
 @lru_cache(maxsize=4)
 def _matte_kernel(size: int) -> torch.Tensor:
-    """What each texel of a sky adds to irradiance."""
+    """Return what each texel of a sky adds to irradiance."""
     return _kernel(size, _IRRADIANCE_SIZE, _POINTS, None)
 
 
 @lru_cache(maxsize=4)
 def _glossy_kernels(size: int) -> tuple[torch.Tensor, ...]:
-    """What each texel of a sky adds to each filtered one, but for the first."""
+    """Return what each texel of a sky adds to each filtered one, but for the first."""
     found = []
     for roughness, (own, points) in zip(ROUGHNESSES[1:], _SIZES, strict=True):
         kernel = _kernel(size, own, points, max(roughness**2, MIN_ALPHA))
@@ -202,7 +203,7 @@ def _lobe(cosine: torch.Tensor, alpha: float | None) -> torch.Tensor:
 
 @lru_cache(maxsize=1)
 def _table(rows: int = 33, columns: int = 33, samples: int = 64) -> torch.Tensor:
-    """Of :func:`even_sky`, shape ``(rows, columns, 2)``, float64.
+    """Return the table of :func:`even_sky`, shape ``(rows, columns, 2)``, float64.
 
     Microfacets are taken as the eye sees them (Heitz 2018), each then returns its Fresnel term times the
     shadowing of the light.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What pictures say of surfels: drawing, the other way round."""
+"""Gathering from pictures: drawing, the other way round."""
 
 from collections.abc import Sequence
 
@@ -37,7 +37,7 @@ def gather(surfels: Surfels, camera: Camera, image: torch.Tensor) -> torch.Tenso
 
 
 def share_inside(surfels: Surfels, cameras: Sequence[Camera], masks: Sequence[np.ndarray]) -> torch.Tensor:
-    """Which share of what each surfel gives to pictures lies inside of masks.
+    """Return which share of what each surfel gives to pictures lies inside of masks.
 
     Args:
         surfels: N of them.

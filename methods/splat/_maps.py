@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rasterising gives, and the constants that every back end shares."""
+"""Results of rasterising, and the constants that every back end shares."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class FeatureMaps:
 
 @dataclass(frozen=True)
 class Maps(FeatureMaps):
-    """What :class:`FeatureMaps` holds, and the geometry that was drawn."""
+    """Maps that :class:`FeatureMaps` holds, and the geometry that was drawn."""
 
     depth: torch.Tensor
     """Expected z-depth, sum of w z over sum of w, shape ``(H, W)``, metres; 0 where alpha is 0."""

@@ -8,7 +8,7 @@ import torch
 from graycard import Camera
 
 UNIT_TOLERANCE = 1e-3
-"""How far a direction's length may be from one; distances count in lengths of the direction."""
+"""Tolerance: how far a direction's length may be from one; distances count in lengths of the direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +24,11 @@ class Rays:
     directions: torch.Tensor
     """Shape ``(R, 3)``, world, of unit length."""
     width: int | None = None
-    """Where the rays are an image, row by row: pixels in a row. Neighbours are then traced together, which is
-    faster; what comes back is the same."""
+    """Width of an image, where the rays are an image, row by row: pixels in a row. Neighbours are then
+    traced together, which is faster; what comes back is the same."""
     far: torch.Tensor | None = None
-    """Where the rays end: shape ``(R,)``, in the dtype of the origins, metres, zero or more, may be infinite.
-    What they meet farther away does not count; no gradient passes. None: they go on for ever."""
+    """Distances where the rays end: shape ``(R,)``, in the dtype of the origins, metres, zero or more, may
+    be infinite. What they meet farther away does not count; no gradient passes. None: they go on for ever."""
 
     def __post_init__(self) -> None:
         for name, value in (("origins", self.origins), ("directions", self.directions)):
@@ -64,12 +64,12 @@ class Rays:
 
 @dataclass(frozen=True)
 class Traced:
-    """What R rays meet, nearest first, in the dtype of the surfels; w is the share that a surfel adds."""
+    """Hits of R rays, nearest first, in the dtype of the surfels; w is the share that a surfel adds."""
 
     features: torch.Tensor
     """Sum of w times features, shape ``(R, C)``; no background is added."""
     transmittance: torch.Tensor
-    """What passes all surfels, shape ``(R,)``, in (0, 1]: visibility along the ray."""
+    """Transmittance, shape ``(R,)``, in (0, 1]: visibility along the ray."""
     depth: torch.Tensor
     """Distance from the origin, sum of w t over sum of w, shape ``(R,)``, metres; 0 where nothing is met."""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a surfel is: a flat Gaussian disc with an opacity and any number of feature channels."""
+"""Surfel: a flat Gaussian disc with an opacity and any number of feature channels."""
 
 from dataclasses import dataclass, fields
 from typing import ClassVar
@@ -7,7 +7,8 @@ from typing import ClassVar
 import torch
 
 UNIT_TOLERANCE = 1e-3
-"""How far a quaternion's length may be from one; what draws it divides by the length that is left."""
+"""Tolerance: how far a quaternion's length may be from one; what draws it divides by the length that is
+left."""
 
 
 @dataclass(frozen=True, eq=False)

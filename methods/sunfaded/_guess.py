@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a prior says about the geometry of training views: of the photographs, and anew of the albedo."""
+"""Guesses of a prior about the geometry of training views: of the photographs, and anew of the albedo."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> l
 
 
 def exposed_photographs(capture: Capture) -> list[np.ndarray]:
-    """What a prior sees first: the training photographs, linear, display range."""
+    """Images that a prior sees first: the training photographs, linear, display range."""
     return [capture.photograph(view) * np.float32(capture.exposure) for view in capture.train]
 
 
@@ -56,6 +56,6 @@ def exposed_photographs(capture: Capture) -> list[np.ndarray]:
 def drawn_albedos(
     capture: Capture, values: Mapping[str, torch.Tensor], settings: SunFadedSettings
 ) -> list[np.ndarray]:
-    """What a prior sees then: the albedo of the training views as it has been found, linear."""
+    """Images that a prior sees then: the albedo of the training views as it has been found, linear."""
     drawn = [draw(values, view.camera, settings).features[..., :3] for view in capture.train]
     return [(image if settings.space == "linear" else srgb_decode_tensor(image)).numpy() for image in drawn]

@@ -48,7 +48,7 @@ def lamp_parameters(seed: int, level: torch.Tensor | None = None) -> dict[str, t
 
 
 def lamp_intensity(values: Mapping[str, torch.Tensor], points: torch.Tensor) -> torch.Tensor:
-    """What the lamp sends to points, before the cosine at the surface.
+    """Light of the lamp at points, before the cosine at the surface.
 
     Args:
         values: The lamp's parameters by name, and any others.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a picture comes about: what surfels reflect of a light that stays, and of the lamp on the camera."""
+"""Shading: what surfels reflect of a light that stays, and of the lamp on the camera."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class LampPicture:
 
     @property
     def whole(self) -> torch.Tensor:
-        """What a photograph shows."""
+        """Photographed picture."""
         return self.unlit + self.lit
 
 
@@ -59,7 +59,7 @@ def draw(
 
 
 def unlit_picture(drawn: FeatureMaps, values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """What is reflected of the light that stays, shape ``(H, W, 3)``."""
+    """Light reflected from the light that stays, shape ``(H, W, 3)``."""
     return drawn.features[..., :3] * values[AMBIENT]
 
 
@@ -94,7 +94,7 @@ def lamp_light(
     lens: torch.Tensor,
     settings: SunFadedSettings,
 ) -> torch.Tensor:
-    """What the lamp brings to each pixel, over its albedo, shape ``(H, W, 3)``: intensity times cosine.
+    """Light that the lamp brings to each pixel, over its albedo, shape ``(H, W, 3)``: intensity times cosine.
 
     The intensity is that of the tile, the direction that of the pixel; depth gets no gradient from it,
     normals do.
@@ -106,6 +106,6 @@ def lamp_light(
 
 
 def _surfel_light(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
-    """What the lamp brings to each surfel's centre, over its albedo, shape ``(N, 3)``."""
+    """Light that the lamp brings to each surfel's centre, over its albedo, shape ``(N, 3)``."""
     seen = see(surfels_of(values), camera)
     return lamp_intensity(values, seen.centres) * cosine_to_lamp(values, seen.centres, seen.normals)

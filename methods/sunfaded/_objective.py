@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step lowers, stage by stage."""
+"""Losses, stage by stage."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -56,7 +56,7 @@ def photographs(capture: Capture, settings: SunFadedSettings) -> list[DisplayedP
 
 
 def displayed(picture: torch.Tensor, space: Space) -> torch.Tensor:
-    """What a display shows of a picture in the space of the fit."""
+    """Picture as displayed, from the space of the fit."""
     return srgb_encode_tensor(picture) if space == "linear" else picture
 
 
@@ -70,7 +70,7 @@ class SunFadedObjective:
     settings: SunFadedSettings
     seed: int
     _kept: dict[int, Maps] = field(default_factory=dict, init=False, repr=False)
-    """What was drawn of surfels that stand still, by the number of the view."""
+    """Drawn layers of surfels that stand still, by the number of the view."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """Return the loss of a step, with what else the fit is told."""

@@ -26,7 +26,7 @@ RATE, PLACE_RATE, LAST = 5e-3, 2.5e-2, 0.005
 """Learning rates of the network and the ambient light, twice that of ``sunfaded``, and of the lamp's place,
 metres; and the share of them that is left in the end: photographs are fitted as closely as can be."""
 EPSILON = 1e-15
-"""Of Adam, as for surfels: a lamp that is nearly out has small gradients, and must find back."""
+"""Epsilon of Adam, as for surfels: a lamp that is nearly out has small gradients, and must find back."""
 _BUFFER = ("base_color", "normal", "depth")
 _SHARED = "lights"
 

@@ -55,7 +55,7 @@ class SunFadedScene(LayeredScene):
         return None if given is None else replace(self, lighting=replace(self.lighting, given=given))
 
     def counts(self, camera: Camera) -> Mapping[str, float]:
-        """How often the lamp's network is asked for a picture: once a tile, or once a surfel."""
+        """Return how often the lamp's network is asked for a picture: once a tile, or once a surfel."""
         settings = self.lighting.settings
         if settings.shading == "surfel":
             return {"light evaluations": len(self.parameters.surfels[ALBEDO])}
@@ -77,7 +77,7 @@ class SunFadedScene(LayeredScene):
 
 
 def lighting_to_json(lighting: Lighting) -> dict[str, Any]:
-    """What is known of the lights besides parameters, as JSON data."""
+    """Facts about the lights besides parameters, as JSON data."""
     given = None if lighting.given is None else [light_to_json(light) for light in lighting.given]
     return {
         "exposure": lighting.exposure,
@@ -88,7 +88,7 @@ def lighting_to_json(lighting: Lighting) -> dict[str, Any]:
 
 
 def lighting_from_json(facts: dict[str, Any]) -> Lighting:
-    """What :func:`lighting_to_json` gave.
+    """Return what :func:`lighting_to_json` gave.
 
     Raises:
         MethodError: It is damaged.

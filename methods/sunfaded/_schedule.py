@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What moves when: five stages by shares of the budget."""
+"""Schedule: five stages by shares of the budget."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -87,7 +87,7 @@ def density_rules(settings: SunFadedSettings) -> DensityRules:
 
 
 def adds_surfels(stage: FitStage, schedule: Schedule) -> bool:
-    """Whether what surfels look like on the screen is watched, to add some."""
+    """Return whether what surfels look like on the screen is watched, to add some."""
     return stage in (FitStage.UNLIT, FitStage.JOINT) or (
         stage is FitStage.OPACITY and schedule == "release_40k"
     )

@@ -28,15 +28,15 @@ class SunFadedSettings:
     """In which light multiplies albedo. ``srgb`` is the paper's: it works on pictures as they are displayed,
     where a product of light and albedo holds only roughly. Losses are in display space in both."""
     first_albedo: float = 0.4
-    """Of all surfels in all channels, to begin with. 0: the colours of the photographs, as in the released
-    code; the paper says nothing. Those are lit, and where the lamp always shines they would stay."""
+    """Albedo of all surfels in all channels, to begin with. 0: the colours of the photographs, as in the
+    released code; the paper says nothing. Those are lit, and where the lamp always shines they would stay."""
     weight: Weight = "log_minmax"
-    """How brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm from 0 at the
-    picture's darkest to 1 at its brightest place (paper; of the picture in ``space``, for a power, as the
-    encoding of a display nearly is, drops out of it); ``linear_max``, the blurred picture, as displayed, over
-    its largest value (released code); ``none``: all pixels count alike."""
+    """Weighting: how brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm
+    from 0 at the picture's darkest to 1 at its brightest place (paper; of the picture in ``space``, for a
+    power, as the encoding of a display nearly is, drops out of it); ``linear_max``, the blurred picture,
+    as displayed, over its largest value (released code); ``none``: all pixels count alike."""
     beta: float = 10.0
-    """How fast the weight of a pixel falls with it."""
+    """Falloff: how fast the weight of a pixel falls with it."""
     least_weight: float = 0.05
     """Share of a view's largest weight below which pixels are left out of the first stage. Paper and released
     code leave out none. But Adam divides a gradient by its size: surfels that only lit pixels show move as
@@ -45,7 +45,7 @@ class SunFadedSettings:
     """Standard deviation of that blur, of the picture's width (inferred: the paper names none; the released
     code has 100 pixels of the photograph as it was taken)."""
     unlit_weight: float = 1.0
-    """Of the loss of the first stage (released code: 5)."""
+    """Weight of the loss of the first stage (released code: 5)."""
     light_map: LightMap = "bilinear"
     """The lamp is asked at the middle of each tile. ``bilinear``: pixels have what lies between the middles
     around them (released code); ``nearest``: all pixels of a tile have the light of its middle (paper)."""
@@ -54,7 +54,7 @@ class SunFadedSettings:
     shading: Shading = "image"
     """``image``: shade what is drawn; ``surfel``: shade each surfel and draw that (an ablation)."""
     ambient: bool = True
-    """Whether there is light that does not move with the camera."""
+    """True if there is light that does not move with the camera."""
     schedule: Schedule = "short"
     """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 1, 7,
     72, 10 and 10 %, for a budget of some thousands, in which surfels have to find their places while the lamp
@@ -67,26 +67,26 @@ class SunFadedSettings:
     alone and normals to the end (``release``: what the released code does); or not at all (``none``). A fit
     without a source of priors goes without them."""
     depth_weight: float = 0.001
-    """Of 1 - Pearson's correlation of drawn depth and the prior's."""
+    """Weight of 1 - Pearson's correlation of drawn depth and the prior's."""
     normal_weight: float = 0.01
-    """Of normals that are not those of the depth: half of it for drawn ones, half for the prior's."""
+    """Weight of normals that are not those of the depth: half of it for drawn ones, half for the prior's."""
     distortion_weight: float = 0.01
-    """Of the spread of surfels along rays."""
+    """Weight of the spread of surfels along rays."""
     geometry_start: float = 0.075
-    """When normals and distortion begin to count."""
+    """Start: when normals and distortion begin to count."""
     cover_weight: float = 0.05
-    """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper,
-    whose captures have many more views."""
+    """Weight of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the
+    paper, whose captures have many more views."""
     albedo_weight: float = 0.0
-    """Of the variance of albedo over the surfels, while it moves: of two explanations of a bright place the
-    one with more light and less paint is taken. Not in the paper."""
+    """Weight of the variance of albedo over the surfels, while it moves: of two explanations of a bright
+    place the one with more light and less paint is taken. Not in the paper."""
     clearing: float = 0.5
     """Share of the depth that a camera sees before which no surfel stays: by a prior's depth, scaled by the
     sparse points, and without one by the nearest of these points in each view. 0: surfels may be anywhere.
     Not in the paper, whose captures have many more views."""
     ssim_share: float = 0.2
-    """Of the loss with light; the rest is the mean absolute difference. 0.2 as in the released code and in
-    ``2dgs``; of the paper we know only that it compares pictures with the light on."""
+    """SSIM's share of the loss with light; the rest is the mean absolute difference. 0.2 as in the
+    released code and in ``2dgs``; of the paper we know only that it compares pictures with the light on."""
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
     backend: FitBackend = "cpu"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a fit begins: surfels with one neutral albedo, and lights that explain the photographs of such."""
+"""Start of a fit: surfels with one neutral albedo, and lights that explain the photographs of such."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ from graycard.methods.surfels import (
 )
 
 DARKEST = 0.02
-"""Of the albedo that surfels begin with: at 0 it would have no gradient."""
+"""Floor of the albedo that surfels begin with: at 0 it would have no gradient."""
 
 
 def check_capture(capture: Capture) -> None:
@@ -56,7 +56,7 @@ def start(
 
 
 def _first_albedo(colours: torch.Tensor, settings: SunFadedSettings) -> torch.Tensor:
-    """Of surfels with such colours, as displayed, shape ``(N, 3)``; in the space of the fit."""
+    """Return the albedo of surfels of displayed colours ``(N, 3)``, in the space of the fit."""
     if settings.first_albedo > 0:
         return torch.full_like(colours, settings.first_albedo)
     return (srgb_decode_tensor(colours) if settings.space == "linear" else colours).clamp(

@@ -109,7 +109,9 @@ def _between(light: torch.Tensor, length: int, side: int, axis: int) -> torch.Te
 
 @cache
 def _neighbours(length: int, side: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Of each pixel the tiles whose middles are before and after it, and its share of the way between."""
+    """Return for each pixel the tiles whose middles are before and after it, and its share of the way
+    between.
+    """
     middles, pixels = tile_middles(length, side), torch.arange(length, dtype=torch.float32)
     after = torch.searchsorted(middles, pixels).clamp(max=len(middles) - 1)
     before = (after - 1).clamp(min=0)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much a pixel says about the scene without the lamp: the less, the more the lamp lights it."""
+"""Weights of pixels: how much a pixel says about the scene without the lamp: the less, the more the lamp
+lights it.
+"""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -7,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 from graycard.methods.sunfaded._settings import SunFadedSettings
 
 FAINT = 1 / 255
-"""Of white; added before the logarithm and before the quotient, as in the released code."""
+"""Offset, a share of white; added before the logarithm and before the quotient, as in the released code."""
 
 
 def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:

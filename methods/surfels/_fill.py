@@ -22,8 +22,8 @@ from graycard.methods.surfels._triangles import filled_depth
 MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
 MARGIN = 1.6
-"""How far the depths that are looked at go beyond those of points, as a factor: the nearest of the view, and
-the farthest of all views, for few points lie on what is far."""
+"""Margin: how far the depths that are looked at go beyond those of points, as a factor: the nearest of the
+view, and the farthest of all views, for few points lie on what is far."""
 FAR = 0.95
 """Quantile of all known depths that counts as far."""
 SMOOTH = 5

@@ -32,7 +32,7 @@ from graycard.methods.splat import (
 from graycard.methods.surfels._layered_scene import SavedScene
 
 SAVES = 10
-"""How often a fit is saved on its way."""
+"""Interval: how often a fit is saved on its way."""
 
 
 SettingsT = TypeVar("SettingsT")

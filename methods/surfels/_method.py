@@ -96,7 +96,9 @@ def fit_surfels(
 
 
 def density_rules(limit: int) -> DensityRules:
-    """When surfels come and go in a fit that is short and looks at few views; ``limit``: no more of them."""
+    """Return the densification: when surfels come and go in a fit that is short and looks at few views;
+    ``limit``: no more of them.
+    """
     return DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=limit)
 
 

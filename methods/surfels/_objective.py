@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step lowers: how far a drawn view is from its photograph, and surfels that do not agree."""
+"""Loss of a step: how far a drawn view is from its photograph, and surfels that do not agree."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ that this photograph has them in."""
 
 @dataclass(frozen=True, eq=False)
 class Tones:
-    """How photographs differ in the colours of the same surfels."""
+    """Appearance: how photographs differ in of the same surfels."""
 
     shown: Tone
     rates: Mapping[str, LearningRateSchedule]
@@ -103,7 +103,9 @@ def _full(linear: torch.Tensor, view: View, sensor: Sensor | None) -> torch.Tens
 
 
 def exposed_photograph(capture: Capture, view: View) -> np.ndarray:
-    """What priors are shown of a training view: linear, display range, shape ``(H, W, 3)``, float64."""
+    """Return what priors are shown of a training view: linear, display range, shape ``(H, W, 3)``,
+    float64.
+    """
     return np.asarray(capture.photograph(view), np.float64) * capture.exposure
 
 
@@ -154,7 +156,7 @@ class SurfelObjective:
         return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _weights(self, share: float) -> tuple[float, float]:
-        """Of normals and of distortion."""
+        """Start of normals and of distortion."""
         settings = self.settings
         return (
             settings.normal_weight if share >= settings.normal_start else 0.0,

@@ -22,7 +22,7 @@ from graycard.methods.surfels._transfer import HIDES, depth_ratio
 MOST = 6
 """Planes that are looked for."""
 SHARE = 0.03
-"""Of all points that a plane must hold."""
+"""Share of all points that a plane must hold."""
 THICK = 0.015
 """Distance of a point to its plane, in shares of that to its camera."""
 SAMPLES, TRIALS = 4000, 1500
@@ -34,17 +34,17 @@ WINDOW = 5
 FAINT = 0.3
 """Likeness up to which windows tell nothing: neighbours decide."""
 SURFACE = 0.2
-"""What a pixel that lies on none of the planes pays, in likeness: planes are what rooms are made of."""
+"""Cost of a pixel that lies on none of the planes, in likeness: planes are what rooms are made of."""
 CHANGE = 0.6
-"""What a change of plane between neighbouring pixels costs, where the photograph shows no edge."""
+"""Cost of a change between neighbouring pixels costs, where the photograph shows no edge."""
 EDGE = 0.03
 """Difference of grey, encoded, that takes this price to 1/e: planes end where the photograph has edges."""
 LEAST = 0.1
 """Share of the price that the sharpest edge leaves."""
 IN_THE_WAY = 1.0
-"""What a pixel pays for each view that sees through where it would be."""
+"""Cost that a pixel pays for each view that sees through where it would be."""
 BEYOND = 2.0
-"""How far planes are followed, in farthest depths that are looked at."""
+"""Limit: how far planes are followed, in farthest depths that are looked at."""
 
 
 def with_planes(views: Sequence[SweptView], swept: Sequence[SweptDepth], seed: int) -> list[SweptDepth]:
@@ -130,7 +130,8 @@ def _largest(points: np.ndarray, tolerance: np.ndarray, random: np.random.Genera
 
 @njit(cache=True)
 def _score(points, tolerance, normals, offsets, scores):
-    """How well planes hold points: the less the farther off, by squares (MSAC: Torr and Zisserman 2000).
+    """Return how well planes hold points: the less the farther off, by squares (MSAC: Torr and Zisserman
+    2000).
 
     Args:
         points: ``(M, 3)``, metres.
@@ -171,7 +172,7 @@ def _off(points: np.ndarray, plane: np.ndarray) -> np.ndarray:
 def _on_planes(
     number: int, views: Sequence[SweptView], swept: Sequence[SweptDepth], planes: np.ndarray
 ) -> SweptDepth:
-    """What a view sees: the surface that stereo found, or one of the planes."""
+    """Return what a view sees: the surface that stereo found, or one of the planes."""
     view, found = views[number], swept[number]
     partners = [views[p] for p in partners_of(views, number)]
     if not partners:
@@ -192,6 +193,6 @@ def _on_planes(
 
 
 def _edges(view: SweptView) -> Ease:
-    """How easily planes change between neighbours, down and across."""
+    """Costs: how easily planes change between neighbours, down and across."""
     down, across = (np.abs(np.diff(view.grey.numpy(), axis=axis)) for axis in (0, 1))
     return LEAST + (1 - LEAST) * np.exp(-down / EDGE), LEAST + (1 - LEAST) * np.exp(-across / EDGE)

@@ -28,7 +28,7 @@ from graycard.methods.surfels._objective import colours, sky_basis
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
 
 LAYERS = frozenset({"radiance", "normal", "depth"})
-"""What surfels with colours provide."""
+"""Layers of coloured surfels."""
 SEEN = 0.5
 """Share of a pixel that surfels must cover for it to have a depth."""
 

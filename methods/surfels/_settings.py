@@ -18,19 +18,19 @@ class SurfelSettings:
     """Share of ``surfels`` that begin where stereo and large planes give depth; 0: on the sparse points
     alone, as in the paper, whose captures have many more views and points."""
     degree: int = 3
-    """Of the spherical harmonics of each surfel's colour, 0 to 3."""
+    """Degree of the spherical harmonics of each surfel's colour, 0 to 3."""
     sky_degree: int = 0
-    """Of those of what is seen past all surfels, 0 to 3; nothing is lit by it."""
+    """Degree of those of what is seen past all surfels, 0 to 3; nothing is lit by it."""
     ssim_share: float = 0.2
-    """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
+    """SSIM's share of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
     cover_weight: float = 0.05
-    """Of what shines through all surfels: photographs show surfaces nearly everywhere."""
+    """Weight of what shines through all surfels: photographs show surfaces nearly everywhere."""
     normal_weight: float = 0.1
-    """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024: 0.05, and from
-    7/30 on; a short fit of few views wants it stronger and sooner)."""
+    """Weight of the difference of drawn normals and those of the drawn depth (Huang et al. 2024: 0.05, and
+    from 7/30 on; a short fit of few views wants it stronger and sooner)."""
     normal_start: float = 0.1
     distortion_weight: float = 100.0
-    """Of the spread of surfels along rays (Huang et al. 2024, for scenes without bounds)."""
+    """Weight of the spread of surfels along rays (Huang et al. 2024, for scenes without bounds)."""
     distortion_start: float = 0.1
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty. With a slash at the end, a
@@ -66,4 +66,4 @@ class OracleSurfelSettings(SurfelSettings):
     """Settings of ``2dgs-oracle``, which begins on the true surfaces."""
 
     frozen: bool = False
-    """Whether the surfels stay where they begin: only colours are fitted."""
+    """True if the surfels stay where they begin: only colours are fitted."""

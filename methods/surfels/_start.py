@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where surfels begin: on the sparse points of a capture, or on surfaces that are known."""
+"""Start of surfels: on the sparse points of a capture, or on surfaces that are known."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ from graycard.methods.surfels._settings import SurfelSettings
 COEFFICIENTS, DETAIL, SKY = "coefficients", "detail", "sky"
 """Names of the parameters beside geometry: the harmonics of degree zero, those above, and the sky's."""
 OPACITY = 0.5
-"""Of surfels between points."""
+"""Distance of surfels between points."""
 FEWEST = 4
 """Sparse points with which a fit begins."""
 

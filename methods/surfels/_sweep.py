@@ -22,7 +22,7 @@ NEIGHBOURS = 4
 WIDEST = 50.0
 """Degrees between the directions of two views that are compared."""
 STEP, JUMP = 0.04, 0.5
-"""What a step to the next plane, and any larger one, costs between neighbouring pixels."""
+"""Costs: what a step to the next plane, and any larger one, costs between neighbouring pixels."""
 WITNESSES = 2
 """Views that must agree; one where there is but one."""
 AGREEMENT = 0.03
@@ -31,7 +31,7 @@ AGREEMENT = 0.03
 
 @dataclass(frozen=True, eq=False)
 class SweptDepth:
-    """What stereo says about a view."""
+    """Results of stereo for a view."""
 
     depth: np.ndarray
     """Shape ``(H, W)``: z-depth at which the partners look most alike, metres; NaN in a view without any."""
@@ -99,6 +99,8 @@ def _lowest(cost: np.ndarray, inverse: np.ndarray) -> np.ndarray:
 
 
 def _agreed(camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np.ndarray]]) -> np.ndarray:
-    """Where enough other views have about the same depth for the same point, shape ``(H, W)``, bool."""
+    """Return where enough other views have about the same depth for the same point, shape ``(H, W)``,
+    bool.
+    """
     agree = [np.abs(depth_ratio(camera, depth, *other) - 1) < AGREEMENT for other in others]
     return np.sum(agree, axis=0, initial=0) >= max(1, min(WITNESSES, len(others)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the pixels of one view lie in another, if their depth is known.
+"""Transfer: where the pixels of one view lie in another, if their depth is known.
 
 With z-depth ``z`` and pixels ``x = (x, y, 1)`` a pixel lies at ``z H x + e`` in the other image, homogeneous,
 the third of which is the other z-depth: ``H`` is the homography of the plane at infinity and ``e`` the
@@ -13,7 +13,8 @@ from graycard.methods._numba import njit
 from graycard.methods.splat.parallel import INLINED, UNWRAPPED, run, share, task
 
 HIDES = 0.05
-"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
+"""Tolerance: share of its depth by which a point must be nearer than what another view sees to be in its
+way."""
 
 
 def transfer(camera: Camera, other: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +26,8 @@ def transfer(camera: Camera, other: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndarray) -> np.ndarray:
-    """How far the points of a view are from another one, in shares of what that one sees in their place.
+    """Return how far the points of a view are from another one, in shares of what that one sees in their
+    place.
 
     Args:
         camera: Of the view.

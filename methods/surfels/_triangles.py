@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay, QhullError
 from graycard.methods._numba import njit
 
 RIM = 1e-9
-"""How far beyond a triangle, in shares of its height, a pixel still counts as on its rim."""
+"""Tolerance: how far beyond a triangle, in shares of its height, a pixel still counts as on its rim."""
 
 
 def filled_depth(pixels: np.ndarray, depths: np.ndarray, size: tuple[int, int]) -> np.ndarray:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verdicts before and after the newest edition of the rules, as a table of Markdown."""
+"""The verdicts before and after the newest edition of the rules, as lists of Markdown."""
 
+import re
 from collections import Counter
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Final
 
 from graycard.records import VerdictHistory
@@ -79,21 +81,21 @@ def edition_rows(history: VerdictHistory, reasons: Reasons) -> tuple[EditionRow,
     return tuple(r for r in rows if not (r.suite and (r.claim, r.before, r.after) in tables))
 
 
-def edition_table(history: VerdictHistory, reasons: Reasons) -> str:
-    """Return these rows as a table of Markdown, below a line that counts them."""
+def edition_list(history: VerdictHistory, reasons: Reasons) -> str:
+    """Return these rows as lists of Markdown, one a suite, below a line that counts them."""
     rows = edition_rows(history, reasons)
     name = newest_edition(history, reasons).name
-    lines = [
-        f"By the rules {name!r}, on the same fits as before, {_counted(rows)}.",
-        "",
-        "| suite | claim | before | by these rules | why |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    lines += [
-        f"| {row.suite or TABLES} | {row.claim} | {row.before} | {row.after} | {row.why.replace('|', '/')} |"
-        for row in rows
-    ]
+    lines = [f"By the rules {name!r}, on the same fits as before, {_counted(rows)}."]
+    for suite, of_suite in groupby(rows, key=lambda row: row.suite):
+        lines += ["", f"### {suite or TABLES}", "", *map(_line, of_suite)]
     return "\n".join(lines) + "\n"
+
+
+def _line(row: EditionRow) -> str:
+    """Return one claim as an entry of a list: its verdicts once, then the reason."""
+    change = f"{row.before} → {row.after}" if row.before != row.after else row.after
+    why = re.sub(rf"{re.escape(change)}: (.)", lambda found: found[1].upper(), row.why)
+    return f"- **{row.claim}**: {change}. {why}".rstrip()
 
 
 def _counted(rows: tuple[EditionRow, ...]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a method may see of a scene: views, photographs, granted masks and sparse points."""
+"""Captures: views, photographs, granted masks and sparse points."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,7 +30,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """What a user with a camera would have: linear photographs, cameras, granted masks. Never truth."""
+    """Data of a user with a camera: linear photographs, cameras, granted masks. Never truth."""
 
     track: Name
     scene: Name
@@ -39,13 +39,13 @@ class Capture:
     """Factor that brings radiance to display range: the 99th percentile of the training photographs
     becomes 1. All images of a scene are shown and compared with this one factor."""
     light_on_camera: bool
-    """Whether the scene is lit by a light that moves with the camera."""
+    """True if the scene is lit by a light that moves with the camera."""
     target: int | None = None
     """The object id that the removal task names, if there is one; its mask is granted on training views."""
     sensor: Sensor | None = None
     """The camera's bits, noise and exposures; None for photographs as rendered, or where nobody says."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
-    """Where the files are."""
+    """Folder of the files."""
 
     @property
     def train(self) -> tuple[View, ...]:
@@ -92,7 +92,7 @@ class Capture:
         return found
 
     def target_mask(self, view: View) -> np.ndarray:
-        """Where a training view sees the target object, shape ``(H, W)``, bool.
+        """Return where a training view sees the target object, shape ``(H, W)``, bool.
 
         Raises:
             DatasetError: The scene has no target, the view is held out, or the file is broken, of another

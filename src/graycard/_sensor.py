@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user knows of the camera that took the photographs: its bits, its noise and its exposures."""
+"""Facts about the camera that took the photographs: its bits, its noise and its exposures."""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ class Sensor:
     """
 
     bits: int = 0
-    """Of the sRGB-encoded levels that were kept; 0 where linear ones were kept without rounding."""
+    """Bits of the sRGB-encoded levels that were kept; 0 where linear ones were kept without rounding."""
     shot_noise: float = 0.0
     """Electrons at white; 0 where light was counted without noise."""
     read_noise: float = 0.0

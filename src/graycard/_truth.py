@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene is known to be: the true layers of each view, the lights, and pictures under other lights."""
+"""Truth of a scene: the true layers of each view, the lights, and pictures under other lights."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +21,7 @@ class SceneObject:
     """1 or more; 0 is where nothing is seen."""
     name: Label
     emits: bool
-    """Whether it is the surface of a light."""
+    """True if it is the surface of a light."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Truth:
     edits: tuple[LightEdit, ...] = ()
     """Changes of the lights under which the held-out views are known."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
-    """Where the files are."""
+    """Folder of the files."""
 
     def view(self, name: str) -> View:
         """The view of a name.

@@ -123,7 +123,7 @@ def capture_folders(dataset: Path) -> list[Path]:
 
 
 def is_scene(folder: Path) -> bool:
-    """Whether a folder is that of a scene, ``DATASET/<track>/<scene>``, and none of scenes."""
+    """Return whether a folder is that of a scene, ``DATASET/<track>/<scene>``, and none of scenes."""
     return (Path(folder) / "capture" / MANIFEST).is_file()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is changed in a scene whose picture under the change is known: its lights, or an object put in."""
+"""Changes of a scene with a known picture: its lights, or an object put in."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ RELIGHTING, COMPOSITION = "relighting", "composition"
 """Folders of changed lights and of the composition, relative to the truth, and to a predictions folder."""
 
 EditKind = Literal["off", "moved", "recoloured", "environment"]
-"""What is done to the lights: one is switched off, moved or given another colour; or all are off and the
+"""Change of the lights: one is switched off, moved or given another colour; or all are off and the
 surroundings are others."""
 
 _KINDS: tuple[tuple[str, EditKind], ...] = (
@@ -41,12 +41,12 @@ class LightEdit:
 
     @property
     def kind(self) -> EditKind | None:
-        """What is done to the lights, by the name; None for a name of another maker."""
+        """Return the change of lights of a name; None for a name of another maker."""
         return next((kind for start, kind in _KINDS if self.name.startswith(start)), None)
 
     @property
     def folder(self) -> str:
-        """Where its files are, relative to the truth, and to a predictions folder."""
+        """Folder of its files, relative to the truth, and to a predictions folder."""
         return relit_folder(self.name)
 
     def view_file(self, view: str) -> str:

@@ -21,7 +21,7 @@ Frame = Literal["world", "camera"]
 MOST_LIGHTS = 1024
 """Lights that a file may hold: to judge them takes time with each pair."""
 _UNIT_TOLERANCE = 1e-5
-"""What rounding to float32 leaves, a few times over."""
+"""Rounding error of float32, a few times over."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +216,7 @@ _TYPES: dict[str, type[Light]] = {
 
 
 def world_position(light: LocalLight, camera: Camera) -> np.ndarray:
-    """Where a light is in the world while ``camera`` looks, shape ``(3,)``, metres."""
+    """Return where a light is in the world while ``camera`` looks, shape ``(3,)``, metres."""
     local = np.array(light.position, dtype=np.float64)
     if light.frame == "world":
         return local

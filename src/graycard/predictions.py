@@ -49,7 +49,7 @@ PREDICTIONS_VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """What a method says about a scene."""
+    """Statements of a method about a scene."""
 
     method: Label
     track: Name
@@ -182,7 +182,7 @@ class Predictions:
         return replace(self, hashes=hashes), _hash_of_hashes(hashes)
 
     def is_whole(self) -> bool:
-        """Whether the files are exactly those that the index lists, as they were written."""
+        """Return whether the files are exactly those that the index lists, as they were written."""
         return sha256_of_files(self._root, skip=lambda name: name == INDEX) == dict(self.files)
 
     def _check_hash(self, path: Path) -> None:
@@ -216,7 +216,7 @@ def open_predictions(folder: Path) -> Predictions:
     if not path.is_file():
         raise PredictionError(
             f"expected a predictions folder with {INDEX} at {folder}, got "
-            f"{'a folder without it' if Path(folder).is_dir() else 'nothing'}. See docs/formats.md"
+            f"{'a folder without it' if Path(folder).is_dir() else 'nothing'}. See docs/reference/formats.md"
         )
     data = read_json(path, PredictionError)
     check_version(data, PREDICTIONS_VERSION, path, PredictionError)

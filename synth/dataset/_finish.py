@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What follows from the rendered views: the capture, the index files, and the seals."""
+"""Last steps after the rendered views: the capture, the index files, and the seals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -29,7 +29,7 @@ def sensor_of(settings: CaptureSettings, views: Sequence[str], seed: int) -> Sen
 
 
 def photographed(radiance: np.ndarray, view: str, exposure: float, sensor: Sensor, seed: int) -> np.ndarray:
-    """What a camera makes of a picture.
+    """Return what a camera makes of a picture.
 
     Args:
         radiance: Shape ``(H, W, 3)``, W/m²/sr, linear.

@@ -122,7 +122,7 @@ def _variant_for(place: Place, threads: int | None) -> str:
 
 
 def _found_identity(place: Place) -> dict[str, Any] | None:
-    """What the final folder's truth says it was made from; None where it cannot be told."""
+    """Return what the final folder's truth says it was made from; None where it cannot be told."""
     path = place.final / "truth" / "manifest.json"
     try:
         read_json(path)
@@ -141,7 +141,7 @@ def _found_identity(place: Place) -> dict[str, Any] | None:
 
 
 def _found_of_this_spec(place: Place, spec: SceneSpec, settings: RenderSettings) -> dict[str, Any] | None:
-    """What the final folder was made from, if it is there.
+    """Return what the final folder was made from, if it is there.
 
     Raises:
         DatasetError: It is of another spec, or holds something else.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a scene is rendered: which files there are, and which of them come from one pass.
+"""Parts of a rendering: which files there are, and which of them come from one pass.
 
 Everything else in a scene folder follows from these files. Mitsuba is imported when something is rendered.
 """
@@ -28,7 +28,7 @@ class Rendering:
     """Files that one pass of the renderer makes; they are a pure function of the scene's spec."""
 
     doing: str
-    """What is told while it is made."""
+    """Message that is told while it is made."""
     files: tuple[str, ...]
     """Relative to the truth folder."""
     make: Callable[[], Sequence[Layers]]
@@ -37,7 +37,7 @@ class Rendering:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What a scene folder shows: a scene, changes of its lights, and perhaps an object put into it."""
+    """Pictures of a scene folder: a scene, changes of its lights, and perhaps an object put into it."""
 
     scene: Scene
     edits: Sequence[Edit] = ()
@@ -68,7 +68,7 @@ def renderings(content: Content, seed: int, settings: RenderSettings, variant: s
 
 
 def missing(wanted: Sequence[Rendering], truth: Path) -> list[tuple[int, Rendering]]:
-    """What is to be rendered still, with its number; a file that cannot be read is removed."""
+    """Return what is to be rendered still, with its number; a file that cannot be read is removed."""
     whole = {name: is_whole_view(truth / name) for rendering in wanted for name in rendering.files}
     return [(number, r) for number, r in enumerate(wanted) if not all(whole[name] for name in r.files)]
 

@@ -27,7 +27,7 @@ _GRAZING = 0.2
 """Cosine of the steepest view under which a patch still looks like itself: 78 degrees."""
 _STEPS = 5
 _DEPTHS = (0.5, 2.0)
-"""How far wrong matches put a point, in shares of its distance from the first camera."""
+"""Distances: how far wrong matches put a point, in shares of its distance from the first camera."""
 
 
 _Peaks = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -35,10 +35,10 @@ _Peaks = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """What one training view sees, each array ``(H, W, ...)``."""
+    """View of one training view sees, each array ``(H, W, ...)``."""
 
     index: int
-    """Of the view in ``capture.views``."""
+    """Index of the view in ``capture.views``."""
     camera: Camera
     shown: np.ndarray
     """The displayed photograph in [0, 1], three channels."""
@@ -55,7 +55,7 @@ class Sighting:
 def sighting(
     index: int, view: View, photograph: np.ndarray, exposure: float, layers: dict[str, np.ndarray]
 ) -> Sighting:
-    """What a view sees, from its photograph and its true layers at pixel centres."""
+    """Return what a view sees, from its photograph and its true layers at pixel centres."""
     depth, rays = layers["depth"].astype(np.float64), view.camera.rays()
     distance = np.where(np.isfinite(depth), depth, 0) / (rays @ view.camera.forward)
     return Sighting(
@@ -177,7 +177,7 @@ def _peaks(s: Sighting) -> _Peaks:
 def _pixels_that_see(
     places: np.ndarray, normals: np.ndarray, ids: np.ndarray, s: Sighting, peaks: _Peaks
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where places appear in a view ``(N, 2)``, and whether it sees them well enough to match them."""
+    """Return where places appear in a view ``(N, 2)``, and whether it sees them well enough to match them."""
     pixel, z = s.camera.project(places)
     inside = (z > 0) & (pixel >= 0).all(axis=-1) & (pixel < (s.camera.width, s.camera.height)).all(axis=-1)
     column, row = np.where(inside[:, None], pixel, 0).astype(np.intp).T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
+"""Store: where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
 
 Pictures are rendered into ``.<scene>.partial/truth/scene``, and a stamp beside it says for which spec.
 When all are there, the capture is derived from the truth, both are sealed, and the folder is moved
@@ -21,7 +21,7 @@ _PARTS = ("capture", "truth")
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the parts of a scene lie in a dataset."""
+    """Folders of a scene in a dataset."""
 
     dataset: Path
     track: str
@@ -54,7 +54,7 @@ class Place:
 
     @property
     def replaced(self) -> Path:
-        """Where a broken scene waits until the new one is whole."""
+        """Folder in which broken scene waits until the new one is whole."""
         return self.work / "replaced"
 
 
@@ -64,7 +64,7 @@ def view_file(view: str) -> str:
 
 
 def damage(place: Place) -> dict[str, str]:
-    """What is wrong with the files of a final folder, by path relative to it; empty if it is whole.
+    """Return what is wrong with the files of a final folder, by path relative to it; empty if it is whole.
 
     Raises:
         NewerFormatError: It is of a newer format.
@@ -127,7 +127,9 @@ def stamped(place: Place) -> Mapping[str, Any] | None:
 
 
 def is_whole_view(path: Path) -> bool:
-    """Whether a file of layers is there and can be read to its end; what is left of another one goes."""
+    """Return whether a file of layers is there and can be read to its end; what is left of another one
+    goes.
+    """
     try:
         read_layers(path)
     except DatasetError:

@@ -24,15 +24,15 @@ from graycard.synth.families import family_of, resolved_knobs
 _SIZE = (0.18, 0.75)
 """Longest side of what is put into a scene, metres."""
 _LEVEL = 0.02
-"""What stands on the same ground may differ by this in height, metres."""
+"""Tolerance: what the same ground may differ by this in height, metres."""
 _MARGIN = 0.03
 """Air around it, metres."""
 _TURNS, _SPOTS = 8, 50
-"""How many are tried."""
+"""Number of tries."""
 _LEAST_SEEN = 0.6
 """Share of the object that held-out views must see."""
 _ROUNDS = 200_000
-"""Of hashes for one digest: about a tenth of a second."""
+"""Number of hashes for one digest: about a tenth of a second."""
 _SIGNS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
 
@@ -113,7 +113,7 @@ def _movable(donor: Scene) -> list[int]:
 
 
 def _is_stacked(box: np.ndarray, other: np.ndarray) -> bool:
-    """Whether, seen from above, two boxes overlap that stand at different heights."""
+    """Return whether two boxes that stand at different heights overlap, seen from above."""
     overlap = np.all((box[0] < other[1])[:2] & (box[1] > other[0])[:2])
     return bool(overlap) and abs(box[0, 2] - other[0, 2]) > _LEVEL
 
@@ -163,7 +163,7 @@ def _places(
 
 
 def _has_room(solids: Obstacles, box: np.ndarray) -> bool:
-    """Whether a box touches no other and no wall but the floor that it stands on."""
+    """Return whether a box touches no other and no wall but the floor that it stands on."""
     above = np.add(_corners(box), (0, 0, 1.01 * _MARGIN))
     return not solids.touch(box, _MARGIN) and solids.leave_free(above, _MARGIN)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where in a scene there is room for a lamp or an object: boxes around things, and sides of walls."""
+"""Free space: boxes around things, and sides of walls."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ def bounds(geometry: Geometry) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacles:
-    """What is in the way in a scene: walls, and solids taken for the boxes around them.
+    """Obstacles of a scene: walls, and solids taken for the boxes around them.
 
     So not all that is free is found. A box around all cameras is a room, and no obstacle.
     """
@@ -35,7 +35,8 @@ class Obstacles:
     """Least and greatest coordinates of each solid, ``(K, 2, 3)``, metres."""
 
     def leave_free(self, points: np.ndarray, margin: float) -> bool:
-        """Whether points are outside of all solids, and on the side that is seen of all walls they are over.
+        """Return whether points are outside of all solids, and on the side that is seen of all walls they are
+        over.
 
         Args:
             points: Shape ``(N, 3)``, metres.
@@ -47,12 +48,14 @@ class Obstacles:
         return not _inside(points, low, high).any()
 
     def touch(self, box: np.ndarray, margin: float) -> bool:
-        """Whether a solid is nearer to a box, ``(2, 3)``, than ``margin`` along each axis."""
+        """Return whether a solid is nearer to a box, ``(2, 3)``, than ``margin`` along each axis."""
         near = (box[0] < self.boxes[:, 1] + margin) & (box[1] > self.boxes[:, 0] - margin)
         return bool(near.all(axis=-1).any())
 
     def hide(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Which of ``(N, 3)`` points lie behind a solid for an eye, ``(N,)`` (slabs: Kay and Kajiya 1986)."""
+        """Return which of ``(N, 3)`` points lie behind a solid for an eye, ``(N,)`` (slabs: Kay and Kajiya
+        1986).
+        """
         way = points - eye
         way = np.where(np.abs(way) < 1e-12, 1e-12, way)
         ends = np.sort((self.boxes[:, None] - eye) / way[None, :, None], axis=2)
@@ -80,7 +83,7 @@ def _inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray
 
 
 def _behind(quad: Quad, points: np.ndarray, margin: float) -> np.ndarray:
-    """Which points lie over a one-sided quad, and less than ``margin`` in front of it."""
+    """Return which points lie over a one-sided quad, and less than ``margin`` in front of it."""
     u, v = np.array(quad.half_u), np.array(quad.half_v)
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
     apart = points - np.array(quad.center)
@@ -89,7 +92,7 @@ def _behind(quad: Quad, points: np.ndarray, margin: float) -> np.ndarray:
 
 
 def is_seen(views: Iterable[View], points: np.ndarray, border: float = 0.03) -> bool:
-    """Whether a point lies in the picture of a view or near its edge, whatever may hide it there.
+    """Return whether a point lies in the picture of a view or near its edge, whatever may hide it there.
 
     Args:
         views: Where the cameras are.
@@ -100,7 +103,7 @@ def is_seen(views: Iterable[View], points: np.ndarray, border: float = 0.03) -> 
 
 
 def in_picture(camera: Camera, points: np.ndarray, border: float) -> np.ndarray:
-    """Which points project into a picture that is wider by a border on all sides, ``(N,)``, bool."""
+    """Return which points project into a picture that is wider by a border on all sides, ``(N,)``, bool."""
     pixel, z = camera.project(points)
     share = pixel / (camera.width, camera.height)
     return (z > 0) & ((share > -border) & (share < 1 + border)).all(axis=-1)

@@ -140,7 +140,9 @@ def _moved(scene: Scene, lamps: list[LocalLight], seed: int) -> Iterator[Edit]:
 
 
 def _fits(views: Sequence[View], solids: Obstacles, lamp: LocalLight) -> bool:
-    """Whether a lamp has air around it, is in no picture, and nearer than half a metre to no camera."""
+    """Return whether a lamp has air around it, is in no picture, and nearer than half a metre to no
+    camera.
+    """
     points = np.array(lamp.position) + _extent(lamp)
     far = min(np.linalg.norm(points - view.camera.position, axis=-1).min() for view in views) > 0.5
     return far and not is_seen(views, points) and solids.leave_free(points, 0.08)

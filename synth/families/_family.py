@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene family is: a frozen dataclass of knobs that builds a scene from a seed."""
+"""Contract of a scene family: a frozen dataclass of knobs that builds a scene from a seed."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ class Family(Protocol):
     track: ClassVar[str]
     name: ClassVar[str]
     title: ClassVar[str]
-    """What is to be seen, without the seed."""
+    """Description of the scene, without the seed."""
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The scene of a seed; the same arguments give the same scene, to the bit."""

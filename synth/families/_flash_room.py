@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the dark track has in common: a closed room whose ceiling glows faintly, and a lamp on the camera."""
+"""Shared parts of the dark track: a closed room whose ceiling glows faintly, and a lamp on the camera."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -29,7 +29,7 @@ from graycard.synth.families._family import Knobs, choice, interleaved, knob
 from graycard.synth.families.props import _textures as textures
 
 _INTENSITY = 8.0
-"""Of the lamp along its axis, W/sr."""
+"""Intensity of the lamp along its axis, W/sr."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class FlashRoom(Knobs, ABC):
     lamp: str = choice("spot", "point")
     """A spot light that is toed in to the view, or a point light of the same intensity all around."""
     material: str = choice(*MATERIALS)
-    """What glossy objects are made of."""
+    """Material of glossy objects."""
 
     track: ClassVar[str] = "dark"
 

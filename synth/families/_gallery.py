@@ -20,7 +20,8 @@ from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _textures as textures
 
 WIDTH, DEPTH, HEIGHT = 4.6, 4.2, 2.9
-"""Of the room, metres: x is across, the back wall lies at y = DEPTH / 2, the side at -DEPTH / 2 is open."""
+"""Size of the room, metres: x is across, the back wall lies at y = DEPTH / 2, the side at -DEPTH / 2 is
+open."""
 
 STANDS = (
     Stand((-0.4, 0.4, 2.75), (-0.2, 0.9, 0.6), 4000),
@@ -44,7 +45,7 @@ _SPOTS = Spots(
     },
     0.1,
 )
-"""Where things stand on the floor before the seed moves them a little, metres."""
+"""Places of things on floor before the seed moves them a little, metres."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What shines in a family in which a share of the objects does."""
+"""Gloss: which objects shine in a family in which a share of the objects does."""
 
 from graycard.synth._scene import Color, Material, Matte, polished
 from graycard.synth._stream import stream

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the rooms of the multilight track share: their knobs, and up to eight local lights made from them."""
+"""Shared parts of the rooms of the multilight track: their knobs, and up to eight local lights made from
+them.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,18 +36,19 @@ from graycard.synth.families._gloss import PartlyGlossy
 MOST_LIGHTS = 8
 
 IRRADIANCE = 3.0
-"""What all local lights together send to what they are aimed at, W/m², luminance; however many they are."""
+"""Irradiance: what all local lights together send to what they are aimed at, W/m², luminance; however many
+they are."""
 
 KINDS = ("rectangle", "sphere", "spot", "point")
-"""Of "mixed" lights, in turn."""
+"""Kinds of "mixed" lights, in turn."""
 
 _JITTER = 0.12
-"""How far a seed moves a lamp and its aim along each axis, metres."""
+"""Range: how far a seed moves a lamp and its aim along each axis, metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """Where a lamp hangs, what it is aimed at (metres, before the seed moves both), and its colour."""
+    """Place where a lamp hangs, what it is aimed at (metres, before the seed moves both), and its colour."""
 
     position: Vector
     aim: Vector
@@ -59,7 +62,7 @@ class Spots:
     places: Mapping[str, tuple[float, float]]
     """x and y by name before they are moved, metres."""
     reach: float
-    """How far a seed moves them along each axis, metres."""
+    """Range: how far a seed moves them along each axis, metres."""
 
     def at(self, name: str, seed: int) -> tuple[float, float]:
         """Return x and y of a place for a seed, metres."""
@@ -81,7 +84,7 @@ class ManyLights(PartlyGlossy, Knobs):
     """mixed: rectangles, spheres, spots and points in turn. gaussian: points whose intensity is a sum of
     spherical Gaussians, all inside the light model of GS-ID."""
     brightness: float = knob(3.0, 1.0, 30.0)
-    """How many times the brightest local light is as bright as the dimmest."""
+    """Ratio: how many times the brightest local light is as bright as the dimmest."""
     color: float = knob(1.0, 0.0, 1.0)
     """Saturation of the local lights: 0 all white, 1 black bodies from 2300 K to 12000 K."""
     size: float = knob(1.0, 0.5, 2.0)
@@ -91,10 +94,10 @@ class ManyLights(PartlyGlossy, Knobs):
     gloss: float = knob(0.6, 0.0, 1.0)
     """Share of the objects that shine; at 0 no metal is left."""
     metal_roughness: float = knob(0.42, 0.1, 1.0)
-    """Of what is made of metal: square root of the GGX alpha. Below about 0.35 metal focuses lamps into
-    caustics, whose noise lowers the noise ceiling of the truth by several dB."""
+    """Roughness of what is made of metal: square root of the GGX alpha. Below about 0.35 metal focuses
+    lamps into caustics, whose noise lowers the noise ceiling of the truth by several dB."""
     material: str = choice(*MATERIALS)
-    """What shines is made of: the papers' material, or Disney's."""
+    """Material of what shines: the papers' material, or Disney's."""
 
     def lamps(self, seed: int, stands: Sequence[Stand]) -> tuple[LocalLight, ...]:
         """The local lights ``lamp-1``, ``lamp-2`` ... of a seed, on the first of the stands."""

@@ -21,12 +21,12 @@ from graycard.synth.families.props import _textures as textures
 from graycard.synth.families.props import _toys as toys
 
 RADIUS = 1.1
-"""Of the disc on which the objects stand, metres; its upper side is at z = 0."""
+"""Radius of the disc on which the objects stand, metres; its upper side is at z = 0."""
 
 _STEEL = (0.56, 0.55, 0.53)
 
 _PLACES = ((0.34, 0.3), (-0.36, 0.32), (-0.32, -0.34), (0.36, -0.3))
-"""Where the bricks, the tower, the plant and the helmet stand before the group is turned, metres."""
+"""Places where the bricks, the tower, the plant and the helmet stand before the group is turned, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,9 @@ class Objects(PartlyGlossy, Knobs):
     gloss: float = knob(0.6, 0.0, 1.0)
     """Share of the objects that shine; at 0 no metal is left."""
     metal_roughness: float = knob(0.42, 0.1, 1.0)
-    """Of what is made of metal: square root of the GGX alpha."""
+    """Roughness of what is made of metal: square root of the GGX alpha."""
     material: str = choice(*MATERIALS)
-    """What shines is made of: the papers' material, or Disney's."""
+    """Material of what shines: the papers' material, or Disney's."""
 
     track: ClassVar[str] = "multilight"
     name: ClassVar[str] = "objects"

@@ -80,7 +80,7 @@ _SPOTS = Spots(
     },
     0.08,
 )
-"""Where things stand on the floor before the seed moves them a little, metres."""
+"""Places of things on floor before the seed moves them a little, metres."""
 
 
 def _vase(knobs: ManyLights, seed: int) -> Iterator[Thing]:

@@ -37,8 +37,9 @@ class MetalTable(PolishedTabletop):
     """A table of aluminium, copper or gold."""
 
     material: str = choice(*MATERIALS, "roughconductor")
-    """What all that shines is made of; ``roughconductor`` is a metal of measured refractive index, whose
-    Fresnel reflectance is none that inverse renderers assume, under glazes of the default material."""
+    """Material: what all that shines is made of; ``roughconductor`` is a metal of measured refractive
+    index, whose Fresnel reflectance is none that inverse renderers assume, under glazes of the default
+    material."""
 
     name: ClassVar[str] = "metal-table"
     title: ClassVar[str] = "objects on a metal table by a window; the tallest is to be removed"
@@ -86,7 +87,7 @@ class CurvedTable(PolishedTabletop):
     """A round table whose glazed top bulges: each point of it mirrors another part of the room."""
 
     curvature: float = knob(0.65, 0.1, 1.0)
-    """Of the top: one over its radius, 1/m."""
+    """Curvature of the top: one over its radius, 1/m."""
 
     name: ClassVar[str] = "curved-table"
     title: ClassVar[str] = "objects on a bulging, glazed round table; the tallest is to be removed"

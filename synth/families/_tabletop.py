@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the families of the tabletop track share: their knobs, the room around, the walk of the camera."""
+"""Shared parts of the families of the tabletop track: their knobs, the room around, the walk of the
+camera.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -62,11 +64,11 @@ class Tabletop(Knobs, ABC):
 
     @abstractmethod
     def finish(self, seed: int) -> Material:
-        """What the surface is made of; texture coordinates are metres."""
+        """Material of the surface; texture coordinates are metres."""
 
     @abstractmethod
     def glaze(self, color: Color) -> Material:
-        """What glazed objects are made of."""
+        """Material of glazed objects."""
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The table of a seed."""
@@ -99,9 +101,9 @@ class PolishedTabletop(Tabletop):
     """A tabletop whose surface shines, and whose glazed objects do."""
 
     roughness: float = knob(0.2, 0.03, 0.8)
-    """Of the surface: square root of the GGX alpha."""
+    """Roughness of the surface: square root of the GGX alpha."""
     material: str = choice(*MATERIALS)
-    """What all that shines is made of."""
+    """Material of all that shines: shines is made of."""
 
     def glaze(self, color: Color) -> Material:
         """Fired glaze, of roughness 0.35."""

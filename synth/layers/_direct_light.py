@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What reaches the points that are seen straight from each light. Import it only after ``use_renderer``.
+"""Direct light: what reaches the points that are seen straight from each light. Import it only after
+``use_renderer``.
 
 Whole images at once: ``llvm_ad_rgb`` only.
 """
@@ -22,9 +23,9 @@ class DirectLight(NamedTuple):
     """Irradiance at the pixel centres straight from each light, in Mitsuba's order of lights."""
 
     sent: np.ndarray
-    """As if nothing stood in the way, ``(images, lights, H, W, 3)``, W/m²."""
+    """Light as if nothing stood in the way, ``(images, lights, H, W, 3)``, W/m²."""
     arriving: np.ndarray
-    """What is not blocked of it, of the same shape."""
+    """Share that is not blocked, of the same shape."""
 
     def visibility(self) -> np.ndarray:
         """Share of the irradiance from each light that nothing blocks, ``(lights, H, W)``, 0 to 1.

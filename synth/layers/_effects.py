@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a target changes the picture, and by which way of light. Import it only after ``use_renderer``.
+"""Effects: where a target changes the picture, and by which way of light. Import it only after
+``use_renderer``.
 
 Two renders of the same random numbers, with and without the target, differ only by paths that meet it.
 So a pixel in which nothing differs is untouched for certain, and the noise of a difference is that of those
@@ -88,7 +89,7 @@ def _of_part(images: np.ndarray, part: str) -> np.ndarray:
 
 
 def _exceeds(change: np.ndarray, radiance: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """Where a change is positive, worth seeing, and certain, ``(H, W)``."""
+    """Return where a change is positive, worth seeing, and certain, ``(H, W)``."""
     mean, deviation = change.mean(axis=0), np.sqrt(_variance_of_mean(change, outside))
     certain = (mean > TAU * radiance[..., None]) & (mean > SIGMAS * deviation)
     return certain.any(axis=-1) & outside

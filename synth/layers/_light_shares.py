@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each light gives to a picture, so that pictures under fewer or other lights are sums of it.
+"""Shares of lights in a picture: a picture, so that pictures under fewer or other lights are sums of it.
 
 Light adds up: with a light switched off or recoloured a picture is another weighted sum of the same images.
 Import it only after ``use_renderer``. Whole images at once: ``llvm_ad_rgb`` only.
@@ -21,7 +21,7 @@ from graycard.synth.renderer._wavefront import box_rays, pixel_means, seeded_sam
 def light_shares(
     loaded: mi.Scene, camera: Camera, seeds: list[int], settings: RenderSettings, images: np.ndarray
 ) -> np.ndarray:
-    """What each light alone gives to the independent images of a view, seen directly and reflected.
+    """Light that light alone gives to the independent images of a view, seen directly and reflected.
 
     Args:
         loaded: Mitsuba's scene.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pixels show one surface of one colour. Import it only after ``use_renderer``."""
+"""Purity: which pixels show one surface of one colour. Import it only after ``use_renderer``."""
 
 import mitsuba as mi
 import numpy as np
@@ -16,7 +16,7 @@ COLOR_RANGE = 0.05
 
 
 def pure_pixels(loaded: mi.Scene, scene: Scene, camera: Camera) -> np.ndarray:
-    """Where a regular grid of points in the pixel sees one object and nearly one base colour.
+    """Return where a regular grid of points in the pixel sees one object and nearly one base colour.
 
     There a mean over the pixel and a value at its centre may be compared, and the mean of albedo times
     shading is the product of their means.

@@ -22,18 +22,18 @@ from graycard.synth.renderer._scattering import Response, as_it_is
 from graycard.synth.renderer._wavefront import PrimaryRays, box_rays, pixel_means, seeded_sampler
 
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
-"""What the light of one source is split into."""
+"""Parts of the light of one source."""
 
 _TOTAL, _EMITTED = 0, 1
 FIRST_PART = 2
-"""Where the parts of the first light begin in the tracer's images, after total and emitted."""
+"""Index where the parts of the first light begin in the tracer's images, after total and emitted."""
 
 _ROULETTE_DEPTH = 5
 """Mitsuba's own default."""
 
 
 def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """What the tracer's images tell, by layer.
+    """Layers from the tracer's images, by layer.
 
     Args:
         images: Of :func:`separated_images`.
@@ -61,7 +61,7 @@ def lobe_light(images: np.ndarray, lobe: str) -> np.ndarray:
 
 
 def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
-    """What independent images tell of a layer.
+    """Estimates that images tell of a layer.
 
     Args:
         name: Of the layer.
@@ -123,7 +123,7 @@ def whole_images(loaded: mi.Scene, camera: Camera, seeds: list[int], settings: R
 
 
 class _Tracer(NamedTuple):
-    """What light paths are to be followed, and by which lights they are to be told apart."""
+    """Request: what light paths are to be followed, and by which lights they are to be told apart."""
 
     emitters: list[Any]
     max_depth: int

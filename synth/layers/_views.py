@@ -27,7 +27,7 @@ from graycard.synth.renderer._mitsuba import centre_sensor, load, load_scene, ob
 from graycard.synth.renderer._variant import SCALAR
 
 _EMPTIED_SURFACE = ("normal", "f0", "roughness")
-"""Of what is behind the target."""
+"""Layers of what is behind the target."""
 _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 """Numbers of the seeds of what is estimated at the pixel centres."""
 
@@ -124,7 +124,9 @@ def _emptied_layers(
 def _centre_layers(
     loaded: mi.Scene, scene: Scene, camera: Camera, seeds: list[int], settings: RenderSettings
 ) -> dict[str, np.ndarray]:
-    """What light does at the pixel centres: which arrives, which is blocked, which is returned."""
+    """Light at pixel centres: which arrives, which is blocked, which
+    is returned.
+    """
     first, *others = seeds
     return {
         **directional_albedo(loaded, camera, first),

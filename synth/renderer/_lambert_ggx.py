@@ -166,7 +166,7 @@ def _density(ctx: Any, surface: _Surface, wi: Any, wo: Any, active: Any) -> Any:
 
 
 def _glossy_share(ctx: Any, surface: _Surface, wi: Any) -> Any:
-    """How often the GGX lobe is sampled: its share in what a smooth surface would return."""
+    """Return how often the GGX lobe is sampled: its share in what a smooth surface would return."""
     if not ctx.is_enabled(mi.BSDFFlags.DiffuseReflection, 0):
         return mi.Float(1.0)
     if not ctx.is_enabled(mi.BSDFFlags.GlossyReflection, 1):

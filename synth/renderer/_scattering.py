@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a surface does with light, by lobes. Import it only after ``use_renderer``."""
+"""Scattering: what a surface does with light, by lobes. Import it only after ``use_renderer``."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -9,14 +9,16 @@ import mitsuba as mi
 
 
 class Scattering(NamedTuple):
-    """What a surface does with light: towards a light that was sampled, and along the path's next ray."""
+    """Scattering: what a surface does with light: towards a light that was sampled, and along the
+    path's next ray.
+    """
 
     value: Any
-    """Of the material towards the light, times the cosine."""
+    """Value of the material towards the light, times the cosine."""
     diffuse: Any
     """Share of ``value`` that the diffuse lobe has."""
     density: Any
-    """Of sampling the light's direction by the material."""
+    """Density of sampling the light's direction by the material."""
     sample: Any
     """The next direction, a ``BSDFSample3f``."""
     weight: Any
@@ -30,7 +32,7 @@ Response = Callable[[Any, Any, Any, Any, Any, Any], Scattering]
 
 
 def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """What the material does, split by lobes where ``first``."""
+    """Result: what the material does, split by lobes where ``first``."""
     value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
     first = first & active
     towards_light, onwards = _diffuse_values(bsdf, si, (wo, sample.wo), first)
@@ -45,7 +47,7 @@ def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any)
 
 
 def white_first(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """What the material does, with a white Lambertian one in its place where ``first``."""
+    """Result: what the material does, with a white Lambertian one in its place where ``first``."""
     value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
     front = mi.Frame3f.cos_theta(si.wi) > 0
     cosine = dr.select(front, dr.maximum(mi.Frame3f.cos_theta(wo), 0), 0) * dr.inv_pi
@@ -85,7 +87,7 @@ def _diffuse_values(bsdf: Any, si: Any, directions: tuple[Any, ...], active: Any
 
 
 class _Disney(NamedTuple):
-    """What the diffuse lobe of the principled material depends on."""
+    """Inputs of the diffuse lobe of the principled material."""
 
     reflectance: Any
     roughness: Any

@@ -27,7 +27,7 @@ WHEEL = "karellen-llvm-core"
 """Package of pip that holds LLVM, with the ``libc++`` that it stands on."""
 
 LLVMSource = Literal["environment", "pip", "system"]
-"""Where LLVM comes from: ``DRJIT_LIBLLVM_PATH``, the package of pip, or the system."""
+"""Source of LLVM: ``DRJIT_LIBLLVM_PATH``, the package of pip, or the system."""
 
 _PATH = "DRJIT_LIBLLVM_PATH"
 _PLACES = (
@@ -57,7 +57,7 @@ class LLVM:
 
     @property
     def usable(self) -> bool:
-        """Whether Mitsuba can compile with it."""
+        """Return whether Mitsuba can compile with it."""
         return not self.reason
 
     @property
@@ -137,7 +137,7 @@ def use_renderer(threads: int | None = None, variant: str | None = None) -> Rend
 
 
 def can_render(variant: str) -> bool:
-    """Whether this machine can run a variant; Mitsuba is not imported."""
+    """Return whether this machine can run a variant; Mitsuba is not imported."""
     return variant == SCALAR or (variant == LLVM_RGB and find_llvm().usable)
 
 

@@ -11,7 +11,7 @@ from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Subject, TruePicture
 
 _SIGMAS = 6.0
-"""Of the mean of a photograph's noise: a false alarm in a thousand million views."""
+"""Bound of the mean of a photograph's noise: a false alarm in a thousand million views."""
 
 
 def check_capture(subject: Subject, picture: TruePicture) -> Iterator[Check]:
@@ -67,7 +67,7 @@ def _check_sensor(
 
 
 def _variance(level: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """Of a level, from counting and reading electrons and from rounding its sRGB code evenly."""
+    """Variance of a level, from counting and reading electrons and from rounding its sRGB code evenly."""
     variance = np.zeros_like(level)
     if sensor.shot_noise:
         variance += np.maximum(level, 0) / sensor.shot_noise + (sensor.read_noise / sensor.shot_noise) ** 2

@@ -18,13 +18,13 @@ class Check:
     view: str
     """Empty for what concerns the whole scene."""
     figure: float | None
-    """What was measured; None where nothing could be."""
+    """Measurement; None where nothing could be."""
     bound: float | None
     """The check is passed where the figure is not above it."""
     unit: str
     status: Status
     reason: str = ""
-    """What was expected, what came and what it looks like; or why the check was skipped."""
+    """Words on what was expected, what came and what it looks like; or why the check was skipped."""
 
     @property
     def strain(self) -> float:
@@ -38,7 +38,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class At:
-    """Where checks are made: a scene, or one of its views."""
+    """Place where checks are made: a scene, or one of its views."""
 
     scene: str
     view: str = ""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Irradiance that a light sends to a point if nothing is in the way: closed forms and numpy quadrature.
 
-Nothing here is shared with the renderer: only ``lights.json`` and the conventions of docs/formats.md.
+Nothing here is shared with the renderer but ``lights.json`` and the conventions of
+docs/reference/formats.md.
 """
 
 from typing import Any

@@ -12,17 +12,18 @@ from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBES, EMPTIED_SURFACE
 
 _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
-"""Of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
+"""Bound of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
 
 _UNALIKE = 0.7
 """One minus the agreement in sign of the noise of both pictures: 0 where they are made from the same random
 numbers and nothing changed, 1 where they are made from others. The table scenes have 0.2 or less."""
 
 _FEW = 0.02
-"""Of a mask: outlines that no centre of a pixel meets; in the table scenes there are none."""
+"""Allowed share of a mask: outlines that no centre of a pixel meets; in the table scenes there are none."""
 
 _UNMARKED = 0.6
-"""Of the pixels that differ clearly in radiance: up to a third of a dozen differ in no part for certain."""
+"""Allowed share of the pixels that differ clearly in radiance: up to a third of a dozen differ in no part
+for certain."""
 
 
 def check_counterfactual(subject: Subject, picture: TruePicture) -> Iterator[Check]:
@@ -56,7 +57,9 @@ def _noise(picture: TruePicture, name: str) -> np.ndarray:
 
 
 def _check_masks(subject: Subject, picture: TruePicture) -> Iterator[Check]:
-    """Where ``effect.untouched`` is 1 both pictures are equal to the bit, and no effect is marked there."""
+    """Check that where ``effect.untouched`` is 1 both pictures are equal to the bit, and no effect is
+    marked there.
+    """
     if not picture.has("effect.untouched"):
         return
     untouched = picture.layers["effect.untouched"] > 0
@@ -87,7 +90,9 @@ def _check_footprint(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 
 
 def _check_marked(picture: TruePicture) -> Iterator[Check]:
-    """What is equal in both pictures is marked as untouched, and what differs clearly as an effect."""
+    """Check that what is equal in both pictures is marked as untouched, and what differs clearly as an
+    effect.
+    """
     footprint = picture.layers["effect.footprint"] > 0
     ends = ("", ".var", ".half_a", ".half_b")
     pairs = [(picture.layers[f"radiance{e}"], picture.layers[f"counterfactual.radiance{e}"]) for e in ends]
@@ -135,7 +140,7 @@ def _check_lobes(picture: TruePicture) -> Iterator[Check]:
 
 
 def _check_surfaces(subject: Subject, picture: TruePicture) -> Iterator[Check]:
-    """What is seen without the target is what is seen with it, but where the target is."""
+    """Check that what is seen without the target is what is seen with it, but where the target is."""
     if not picture.has(*EMPTIED_SURFACE):
         return
     seen = picture.layers["object_id"] == (subject.truth.target or -1)
@@ -153,7 +158,9 @@ def _check_surfaces(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 
 
 def _differs_clearly(picture: TruePicture) -> np.ndarray:
-    """Where the pictures differ by a tenth and by eight times the noise of their difference, ``(H, W)``."""
+    """Return where the pictures differ by a tenth and by eight times the noise of their difference, ``(H,
+    W)``.
+    """
     change, one, other = (
         picture.layers[f"radiance{e}"].astype(float) - picture.layers[f"counterfactual.radiance{e}"]
         for e in ("", ".half_a", ".half_b")

@@ -15,7 +15,7 @@ FILES = "files"
 
 
 def is_imported(folder: Path) -> bool:
-    """Whether a scene folder holds a user's own photographs, which have no truth."""
+    """Return whether a scene folder holds a user's own photographs, which have no truth."""
     try:
         manifest = read_manifest(folder / "capture", "graycard-capture")
     except GraycardError:
@@ -82,7 +82,7 @@ def _read_lights(folder: Path, truth: Truth) -> None:
 
 
 def _broken_picture(path: Path, size: tuple[int, int] | None) -> Iterator[str]:
-    """What is wrong with a picture beside the views themselves; ``size`` is that of its view."""
+    """Return what is wrong with a picture beside the views themselves; ``size`` is that of its view."""
     try:
         layers = read_layers(path)
     except GraycardError as cause:

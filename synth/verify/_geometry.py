@@ -10,7 +10,7 @@ from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._subject import TruePicture
 
 _RELATIVE = 1e-4
-"""Of a distance: float32 positions of a scene some metres wide are known to a tenth of that."""
+"""Tolerance of a distance: float32 positions of a scene some metres wide are known to a tenth of that."""
 
 _SMOOTH = np.cos(np.radians(8.0))
 """Cosine between neighbouring normals up to which a surface is smooth enough for finite differences."""
@@ -44,7 +44,7 @@ def _check_along_rays(picture: TruePicture) -> Iterator[Check]:
 
 
 def _moved(offsets: np.ndarray, distance: np.ndarray) -> str:
-    """What a displacement of the positions looks like."""
+    """Return what a displacement of the positions looks like."""
     middle = np.median(offsets, axis=0)
     if np.abs(offsets - middle).max() < 1e-3 * max(float(np.median(distance)), 1e-9):
         return f"looks like a world moved by {np.round(middle, 3).tolist()} m"
@@ -117,7 +117,8 @@ def _curvature(values: np.ndarray, axis: int) -> np.ndarray:
 
 
 def check_between(a: TruePicture, b: TruePicture, at: At) -> Iterator[Check]:
-    """What one view sees is where another view can see it: nothing hangs in front of what that one sees.
+    """Check that what one view sees is where another view can see it: nothing hangs in front of what that one
+    sees.
 
     Each point of ``a`` is projected into ``b``. If it is nearer than all that ``b`` sees around that pixel,
     ``b`` looked through it. Where ``b`` sees that very point, it sees the same object there.

@@ -17,7 +17,8 @@ _EXACT = 1e-3
 """Relative, of 99 % of the pixels: float32 normals and positions, at grazing angles too."""
 
 _PIXELS_APART = 0.05
-"""Of the RMS of a background: a pixel of up to 1.5° is seen by its centre alone, at a window's edge too."""
+"""Tolerance of the RMS of a background: a pixel of up to 1.5° is seen by its centre alone, at a window's
+edge too."""
 
 _ESTIMATED = 0.02
 """Relative, of half of the pixels that a light with an extent lights: 0.0052 at most in the claims suite."""
@@ -139,7 +140,7 @@ def _judge_formula(
 def _judge_color(
     picture: TruePicture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
-    """Where nothing is in the way, the channels have the proportions that lights.json says."""
+    """Check that, where nothing is in the way, the channels have the proportions that lights.json says."""
     free = visible > 0.999
     if free.sum() < 30:
         return
@@ -150,7 +151,7 @@ def _judge_color(
 
 
 def check_background(subject: Subject, picture: TruePicture) -> Iterator[Check]:
-    """Where no object is seen, the radiance is that of the environment in the ray's direction."""
+    """Check that, where no object is seen, the radiance is that of the environment in the ray's direction."""
     name = "background is the environment"
     far = ~picture.seen
     far &= ~_beside(picture.seen)
@@ -161,7 +162,10 @@ def check_background(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     wanted = sky_towards(subject.sky, picture.rays[far])
     found = picture.layers["radiance"][far].astype(float)
     off = float(np.sqrt(((found - wanted) ** 2).mean() / max(float((wanted**2).mean()), 1e-30)))
-    told = "the background is environment.exr as docs/formats.md maps it; looks like one turned or mirrored"
+    told = (
+        "the background is environment.exr as docs/reference/formats.md maps it; looks like one "
+        "turned or mirrored"
+    )
     yield picture.at.judge(name, off, _PIXELS_APART, "of its RMS", told)
 
 

@@ -23,7 +23,9 @@ def check_objects(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 
 
 def _check_emitters(subject: Subject, picture: TruePicture) -> Check:
-    """What is flagged as an emitter reflects nothing, and emits wherever all of the pixel shows it."""
+    """Check that what is flagged as an emitter reflects nothing, and emits wherever all of the pixel shows
+    it.
+    """
     emits = np.isin(picture.layers["object_id"], list(subject.truth.emitter_ids()))
     if not emits.any():
         return picture.at.skip("emitters flagged", "no surface of a light is seen")

@@ -48,7 +48,7 @@ def _has_its_lights(subject: Subject, edit: Edit) -> bool:
 
 
 def _is_the_sky(found: np.ndarray, sky: np.ndarray | None) -> bool:
-    """Whether an image of surroundings is that of a scene, to the rounding of its making."""
+    """Return whether an image of surroundings is that of a scene, to the rounding of its making."""
     if sky is None or found.shape != (wanted := recorded(sky)).shape:
         return False
     return bool(np.abs(found - wanted).max() <= 1e-5 * wanted.max())

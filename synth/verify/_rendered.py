@@ -27,7 +27,7 @@ _POINTS = 4096
 """Most pixels of a view whose rays are cast again; one at a time in ``scalar_rgb``, so it takes fewer."""
 
 _COLOR = 3e-3
-"""Of a reflectance: a fine texture multiplies the rounding of its coordinates."""
+"""Tolerance of a reflectance: a fine texture multiplies the rounding of its coordinates."""
 
 _TOLERANCES = {
     "position": 1e-3,
@@ -38,7 +38,8 @@ _TOLERANCES = {
 """Metres; components; reflectances; and parameters that are the same all over an object."""
 
 _ALBEDO_APART = 0.1
-"""Of two albedos of one point, each of 256 directions: seven times what the principled material needs."""
+"""Tolerance of two albedos of one point, each of 256 directions: seven times what the principled material
+needs."""
 
 _AT_EDGES, _FEW_EDGES = 0.005, 3
 """Share of pixels, and some of a small picture, whose centre is on an edge: rounding decides what is seen."""
@@ -161,7 +162,7 @@ def _check_relit(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
 
 
 def _is_a_sum(subject: Subject, edit: Edit) -> bool:
-    """Whether a picture under changed lights was judged by the parts of the light already."""
+    """Return whether a picture under changed lights was judged by the parts of the light already."""
     return subject.is_separated and edit.factors is not None
 
 
@@ -222,6 +223,8 @@ def _check_shadows(
 
 
 def _is_lit(sent: np.ndarray | None) -> np.ndarray:
-    """Where a light sends more than what rounding leaves at the rim of its cone and at grazing angles."""
+    """Return where a light sends more than what rounding leaves at the rim of its cone and at grazing
+    angles.
+    """
     level = np.zeros(1) if sent is None else luminance(sent)
     return level > _RIM * level.max(initial=0)

@@ -33,16 +33,16 @@ RENDERED = "rendered again"
 
 @dataclass(frozen=True, slots=True)
 class VerifyVerdict:
-    """What the verification of a dataset found."""
+    """Findings of the verification of a dataset."""
 
     checks: tuple[Check, ...]
     scenes: int
     """Scene folders that were looked at."""
     false_alarm: float = FALSE_ALARM
-    """How often a faultless scene fails any of its statistical checks, at most."""
+    """Rate: how often a faultless scene fails any of its statistical checks, at most."""
 
     def count(self, status: str) -> int:
-        """How many checks there are of a status."""
+        """Return how many checks there are of a status."""
         return sum(check.status == status for check in self.checks)
 
 
@@ -177,7 +177,7 @@ def _check_rendering(
 
 
 def _is_alike(subject: Subject, rebuilt: Rebuilt) -> bool:
-    """Whether pictures of both can be laid side by side."""
+    """Return whether pictures of both can be laid side by side."""
     mine, built = subject.truth.views, rebuilt.scene.views
     sizes = [[(v.camera.width, v.camera.height) for v in views] for views in (mine, built)]
     names = [[light.name for light in lights] for lights in (subject.lights, rebuilt.scene.lights)]

@@ -51,7 +51,7 @@ def radiance_again(
 
 
 def emptied_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
-    """As :func:`radiance_again`, without the target."""
+    """Return the same as :func:`radiance_again`, without the target."""
     scene = rebuilt.scene
     loaded = load_scene(scene, scene.views[number].camera, without=scene.target)
     return _picture(loaded, rebuilt, number, subject)
@@ -84,7 +84,7 @@ def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> d
 
 
 def _seeds(rebuilt: Rebuilt, number: int, subject: int) -> list[int]:
-    """Of independent images, and of none that a scene is rendered with."""
+    """Seeds of independent images, and of none that a scene is rendered with."""
     return [
         int(np.random.SeedSequence([rebuilt.spec.seed, number, _OWN, subject, k]).generate_state(1)[0])
         for k in range(SUB_BUFFERS)
@@ -106,7 +106,7 @@ def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
 def surfaces_again(
     scene: Scene, camera: Camera, rows: np.ndarray, columns: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and the material.
+    """Return what rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and the material.
 
     The material is all layers of :func:`material_layers`, from the colour that the ray finds; there is
     ``visibility.<light>`` too of each light without extent: whether a ray reaches it.

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import ndimage
 
 FALSE_ALARM = 1e-4
-"""How often a faultless scene fails any of its statistical checks, at most."""
+"""Rate: how often a faultless scene fails any of its statistical checks, at most."""
 
 FAMILIES = 20
 """Names of statistical checks, among which a scene's false alarms are shared equally."""
@@ -100,7 +100,7 @@ def contrast_share(halves: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def z_of_shares(shares: np.ndarray, expected: float) -> float:
-    """How far the mean of independent values in [0, 1] is off, as the z of the same bound.
+    """Return how far the mean of independent values in [0, 1] is off, as the z of the same bound.
 
     Hoeffding 1963, theorem 2: ``P(|mean - expected| >= t) <= 2 exp(-2 n t²)``, so ``z = 2 t sqrt(n)``.
     """

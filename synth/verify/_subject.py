@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is verified: a scene as its files say, and as its spec says that it must be."""
+"""Subject of verification: a scene as its files say, and as its spec says that it must be."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class TruePicture:
 
     @cached_property
     def seen(self) -> np.ndarray:
-        """Where an object is seen, shape ``(H, W)``, bool."""
+        """Return where an object is seen, shape ``(H, W)``, bool."""
         return self.layers["object_id"] > 0
 
     @cached_property
@@ -58,7 +58,7 @@ class TruePicture:
         return self.camera.rays()
 
     def has(self, *names: str) -> bool:
-        """Whether the view holds all of these layers."""
+        """Return whether the view holds all of these layers."""
         return all(name in self.layers for name in names)
 
 
@@ -86,7 +86,7 @@ class Subject:
 
     @property
     def is_separated(self) -> bool:
-        """Whether the renderer was one that tells the parts of the light apart."""
+        """Return whether the renderer was one that tells the parts of the light apart."""
         return self.manifest.generator.get("variant") == LLVM_RGB
 
     def is_split(self, view: View) -> bool:

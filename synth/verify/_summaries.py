@@ -12,17 +12,18 @@ from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Subject, TruePicture
 
 _NOISES = 3.0
-"""Of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian noise."""
+"""Bound of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian
+noise."""
 
 _SHALLOW = 0.2
 """Share of points, beside the wrong matches, that may lie on no surface: rays meet at few degrees."""
 
 _NEAR = 0.2
-"""Of a distance: what a pixel of noise makes of a depth where rays meet at a few degrees."""
+"""Tolerance of a distance: what a pixel of noise makes of a depth where rays meet at a few degrees."""
 
 
 class Summary:
-    """What is added up over the views, one after another, so that one at a time is in memory."""
+    """Sums: what is added up over the views, one after another, so that one at a time is in memory."""
 
     def __init__(self, subject: Subject, settings: CaptureSettings) -> None:
         self._subject, self._settings = subject, settings
@@ -91,7 +92,7 @@ class Summary:
 
 
 def _on_surface(points: Points, picture: TruePicture, noise: float) -> np.ndarray:
-    """Whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
+    """Return whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
     near = np.zeros(len(points), bool)
     here = points.view == picture.number
     number = points.point[here]

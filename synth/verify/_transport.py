@@ -13,13 +13,14 @@ from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._values import PARTS
 
 _DIFFUSE = 0.01
-"""Of a sum of light over a view, beside its noise: a value at a pixel's centre stands for its mean."""
+"""Tolerance of a sum of light over a view, beside its noise: a value at a pixel's centre stands for its
+mean."""
 
 _SIGMAS = 6.0
-"""Of the noise of a sum over a view."""
+"""Factor of the noise of a sum over a view."""
 
 _FAINT = 1e-2
-"""Of all diffuse light of a view: what is less is judged as a share of this."""
+"""Share of all diffuse light of a view: what is less is judged as a share of this."""
 
 _ROUNDING = 1e-6
 """Relative noise below which float32 hides how far halves are apart, as in a sky that is seen directly."""
@@ -44,7 +45,8 @@ def check_halves(picture: TruePicture, views: int) -> Iterator[Check]:
 
 
 def _check_variance(picture: TruePicture, name: str, apart: np.ndarray, var: np.ndarray, tests: int) -> Check:
-    """Of n images the two halves take 1 / (n - 1) of the spread, on average, whatever its distribution.
+    """Correction: of n images the two halves take 1 / (n - 1) of the spread, on average, whatever its
+    distribution.
 
     Any way to part the images into halves is as likely; n - 1 of them are orthogonal contrasts that share the
     sum of squares. So ``r = (a - b)² / (4 (n - 1) var)`` is in [0, 1] with the mean ``1 / (n - 1)``, and
@@ -95,7 +97,7 @@ def check_parts(
 
 
 def _check_matte(subject: Subject, picture: TruePicture, lambertian: frozenset[int]) -> Iterator[Check]:
-    """Where a pixel shows one matte surface, L = albedo x shading, in sum and for each light."""
+    """Check that, where a pixel shows one matte surface, L = albedo x shading, in sum and for each light."""
     layers = picture.layers
     matte = (layers["roughness"] == 1) & (layers["f0"].max(axis=-1) == 0) & (layers["base_color"].max(-1) > 0)
     off = np.abs(layers["albedo"] - layers["diffuse_reflectance"]).max(axis=-1)[matte]

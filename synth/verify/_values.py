@@ -80,7 +80,7 @@ def check_values(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 
 
 def _outside(name: str, values: np.ndarray) -> str:
-    """What lies outside the range of a layer, in words; empty where nothing does."""
+    """Return what lies outside the range of a layer, in words; empty where nothing does."""
     low, high = _range(name)
     bad = (values < low) | (values > high)
     if not bad.any():

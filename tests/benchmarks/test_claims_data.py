@@ -141,7 +141,7 @@ def test_what_is_no_file_of_claims(tmp_path: Path) -> None:
 
 
 def test_the_files_of_the_docs_can_be_read(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "claims.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "claim-files.md").read_text(encoding="utf-8")
     claims, table = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     path = tmp_path / "mine.toml"
     path.write_text(claims + table)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from graycard import TRACKS, RecordError, UnknownNameError
-from graycard.benchmarks import load_suite, narrow, suite_names
+from graycard import TRACKS, GraycardError, RecordError, UnknownNameError
+from graycard.benchmarks import Part, Suite, load_suite, narrow, suite_names
 from graycard.benchmarks._suites import SuiteMethod
+from graycard.benchmarks.planning._plan import part_of_plan
 from graycard.synth import CaptureSettings, family_of
 
 SUITE = """
@@ -125,6 +126,65 @@ def test_a_part_of_a_suite_is_named_by_rows_or_by_methods() -> None:
     suite = replace(suite, methods=tuple(named))
     assert rows("gray") == ["a", "b"]  # no row has the name of the method
     assert rows("b", "gray") == ["b", "a"]
+
+
+TRACKED = """
+[[methods]]
+name = "2dgs"
+tracks = ["tabletop"]
+"""
+
+
+def two_tracks(folder: Path, more: str = TRACKED) -> Path:
+    """Write a suite with a scene on two tracks, and a row that runs on one of them."""
+    path = Path(written(folder))
+    scene = '\n[[scenes]]\ntrack = "tabletop"\nfamily = "glossy-table"\nseed = 1\n'
+    path.write_text(path.read_text() + scene + more)
+    return path
+
+
+def fits_of(suite: Suite, scenes: slice = slice(None)) -> list[tuple[str, str, int]]:
+    """Return the fits on some scenes of a suite, in order."""
+    return [
+        (scene.track, method.row, seed)
+        for scene in suite.scenes[scenes]
+        for method in suite.rows_on(scene.track)
+        for seed in suite.seeds
+    ]
+
+
+def test_a_row_may_run_on_some_tracks(tmp_path: Path) -> None:
+    suite = load_suite(str(two_tracks(tmp_path)))
+    own = [method.row for method in suite.methods]
+    assert [method.row for method in suite.rows_on("tabletop")] == own
+    assert [method.row for method in suite.rows_on("dark")] == [row for row in own if row != "2dgs"]
+    assert "2dgs" not in [method.row for method in narrow(suite, ["dark"]).methods]
+    assert [method.row for method in narrow(suite, ["tabletop"], ["2dgs"]).methods] == ["2dgs"]
+
+
+def test_a_row_that_runs_on_none_of_the_tracks_is_refused(tmp_path: Path) -> None:
+    suite = load_suite(str(two_tracks(tmp_path)))
+    with pytest.raises(RecordError, match="expected rows that run on dark, got 2dgs, which runs on tabletop"):
+        narrow(suite, ["dark"], ["2dgs"])
+    with pytest.raises(GraycardError, match="did you mean 'tabletop'"):
+        load_suite(str(two_tracks(tmp_path, TRACKED.replace('"tabletop"', '"tabeltop"'))))
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 5])
+def test_parts_of_a_suite_with_rows_of_some_tracks_are_all_fits_once(tmp_path: Path, parts: int) -> None:
+    suite = load_suite(str(two_tracks(tmp_path)))
+    found = []
+    for number in range(1, parts + 1):
+        scenes, own = part_of_plan(suite, Part(number, parts))
+        found += fits_of(suite, scenes)[own]
+    assert found == fits_of(suite)
+
+
+def test_the_demo_has_a_method_of_each_track_beside_simple_ones() -> None:
+    suite = load_suite("demo")
+    own = {track: [m.row for m in suite.rows_on(track) if m.tracks] for track in TRACKS}
+    assert own == {"dark": ["sunfaded"], "tabletop": ["goris", "removal"], "multilight": ["gsid"]}
+    assert [m.row for m in suite.methods if not m.tracks] == ["truth", "gray", "input", "retinex", "2dgs"]
 
 
 SWEPT = """

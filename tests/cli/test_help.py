@@ -178,18 +178,6 @@ def test_the_help_of_a_rendering_shows_the_settings_of_a_track_alone(capsys: Cap
     assert "--capture.bits" not in capsys.readouterr().out
 
 
-def test_the_readme_groups_the_verbs_as_the_help_does():
-    block = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
-    groups: dict[str, set[str]] = {}
-    for line in block.splitlines():
-        if line.startswith("# "):
-            groups[line.removeprefix("# ")] = found = set()
-        elif line:
-            found.add(line.split()[1])  # pyright: ignore[reportPossiblyUnboundVariable]
-    assert [*groups] == [*get_args(Group)]
-    assert groups == {group: {v.name for v in VERBS if v.group == group} for group in groups}
-
-
 def test_a_completion_knows_every_verb(capsys: Capture):
     with pytest.raises(SystemExit) as ended:
         main(["--tyro-print-completion", "bash"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/scores.md and its figure show what the code says.
+"""docs/reference/metrics.md and its figure show what the code says.
 
 ``make docs`` writes them: with ``GRAYCARD_WRITE_DOCS`` in the environment these tests do so.
 """
@@ -11,11 +11,19 @@ from pathlib import Path
 import pytest
 
 import graycard.eval as ge
-from docs_of_scores import DOCS, ceiling_table, generated, metric_table, reference_table, scores_page
+from docs_of_scores import (
+    METRICS,
+    SPREAD,
+    ceiling_table,
+    generated,
+    metric_table,
+    reference_table,
+    scores_page,
+)
 from graycard.records import MetricRecord
 
 
-@pytest.mark.parametrize("path", [DOCS / "scores.md", DOCS / "protocol-spread.svg"], ids=lambda p: p.name)
+@pytest.mark.parametrize("path", [METRICS, SPREAD], ids=lambda p: p.name)
 def test_a_page_is_what_the_code_makes_of_it(path: Path) -> None:
     expected = generated()[path]
     if os.environ.get("GRAYCARD_WRITE_DOCS"):
@@ -35,6 +43,6 @@ def test_each_reference_stands_in_its_table() -> None:
 
 
 def test_a_page_that_has_lost_a_mark_is_not_written() -> None:
-    page = (DOCS / "scores.md").read_text(encoding="utf-8")
+    page = METRICS.read_text(encoding="utf-8")
     with pytest.raises(ValueError, match="expected one generated part named ceilings, got 0. Mark it"):
         scores_page(page.replace("<!-- ceilings:", "<!-- roof:"))

@@ -166,7 +166,7 @@ def test_scores_do_not_look_outside(judged: Judged, tmp_path: Path, fill: Fill) 
 
 
 def test_the_docs_name_those_that_do() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "scores.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "protocols.md").read_text()
     (named,) = re.findall(r"^whole picture as it was predicted: (.*?)\. For them", page, re.M | re.S)
     assert set(re.findall(r"`([^`]+)`", named)) == LOOK_OUTSIDE
 

@@ -9,7 +9,9 @@ from xml.etree import ElementTree as Xml
 import graycard.eval as ge
 from graycard.eval.protocols import Experiment, protocol_spread
 
-DOCS = Path(__file__).parents[2] / "docs"
+REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+METRICS, SPREAD = REFERENCE / "metrics.md", REFERENCE / "protocol-spread.svg"
+"""Page of all metrics, and the figure of protocols."""
 SHARES = (0.10, 0.25, 0.60)
 """Parts of the picture that the object covers in the figure of the spread."""
 
@@ -53,7 +55,7 @@ def ceiling_table() -> str:
 
 
 def scores_page(page: str) -> str:
-    """Return docs/scores.md with its generated parts as the code has them.
+    """Return docs/reference/metrics.md with its generated parts as the code has them.
 
     Raises:
         ValueError: A mark of a generated part is missing, or there twice.
@@ -78,8 +80,7 @@ def spread_of_protocols() -> str:
 
 def generated() -> dict[Path, str]:
     """Return what each page that is made of the code has to be."""
-    page = (DOCS / "scores.md").read_text(encoding="utf-8")
-    return {DOCS / "scores.md": scores_page(page), DOCS / "protocol-spread.svg": spread_of_protocols()}
+    return {METRICS: scores_page(METRICS.read_text(encoding="utf-8")), SPREAD: spread_of_protocols()}
 
 
 def spread_figure(shares: Sequence[float], scores: Sequence[Mapping[str, float]]) -> str:

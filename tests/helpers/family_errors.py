@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of scores without any true difference, or with one, and how often the rule of a run decides there.
 
-``python tests/helpers/family_errors.py`` prints the tables of ``docs/suites.md``.
+``python tests/helpers/family_errors.py`` prints the tables of ``docs/lab-notes/2026-11-error-rates.md``.
 """
 
 import math

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of looks at growing numbers of scenes, and how soon they decide.
 
-``python tests/helpers/sequential_trials.py`` writes the tables of docs/claims.md.
+``python tests/helpers/sequential_trials.py`` writes the tables of docs/lab-notes/2026-11-error-rates.md.
 """
 
 import sys

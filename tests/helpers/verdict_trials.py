@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials of the rule of verdicts: coverage of its interval, errors of its words, and their power.
 
-``python tests/helpers/verdict_trials.py`` prints the tables of docs/claims.md. An effect over scenes has a
-centre, the pseudomedian that the Hodges-Lehmann estimate is of; deviations are drawn from five distributions
-of standard deviation 1. The band of the claim is 0.5 to 2 times its size.
+``python tests/helpers/verdict_trials.py`` prints the tables of docs/lab-notes/2026-11-error-rates.md. An
+effect over scenes has a centre, the pseudomedian that the Hodges-Lehmann estimate is of. Deviations are drawn
+from five distributions of standard deviation 1. The band of the claim is 0.5 to 2 times its size.
 """
 
 import sys

@@ -303,7 +303,7 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
 
 def test_a_history_begins_as_the_docs_say(tmp_path: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
-    assert '`history.json` with `{"entries": []}`' in (ROOT / "docs" / "results.md").read_text(
+    assert '`history.json` with `{"entries": []}`' in (ROOT / "docs" / "results" / "history.md").read_text(
         encoding="utf-8"
     )
     run, there = tmp_path / "run", tmp_path / "there"

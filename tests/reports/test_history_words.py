@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of verdicts as they are told: from numbers, and as a table."""
+"""Changes of verdicts as they are told: from numbers, and as a list."""
 
 import math
 import os
@@ -13,9 +13,9 @@ from graycard.records import CheckEntry, ClaimEntry, LedgerEntry, PaperEntry, Ve
 from graycard.reports.history._explain import check_words, explain
 from graycard.reports.history._keep import OWN
 from graycard.reports.history._reasons import Edition, Reasons, load_reasons
-from graycard.reports.history._table import edition_rows, edition_table
+from graycard.reports.history._table import edition_list, edition_rows
 
-RESULTS = Path(__file__).parents[2] / "docs" / "results.md"
+PAGE = Path(__file__).parents[2] / "docs" / "results" / "history.md"
 BEGIN, END = "<!-- editions: written by `make docs` -->\n", "<!-- end of editions -->\n"
 
 CHECK = CheckEntry(
@@ -137,14 +137,14 @@ def test_verdicts_of_the_first_rules_are_not_told_from_these_numbers():
     assert explain(claim("contradicted", CHECK), claim("not supported", CHECK)) == ""
 
 
-def test_the_table_of_editions_in_the_docs_is_made_from_the_data():
+def test_the_list_of_editions_in_the_docs_is_made_from_the_data():
     history, reasons = read_history(OWN), load_reasons(OWN)
-    text = RESULTS.read_text(encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}{edition_table(history, reasons)}{END}{after}"
+    wanted = f"{before}{BEGIN}{edition_list(history, reasons)}{END}{after}"
     if "GRAYCARD_WRITE_DOCS" in os.environ:
-        RESULTS.write_text(wanted, encoding="utf-8")
+        PAGE.write_text(wanted, encoding="utf-8")
         text = wanted
     assert text == wanted, "run `make docs`"
 
@@ -182,7 +182,7 @@ def test_new_words_for_the_same_finding_are_counted_apart_and_tables_once():
     history, reasons = history_of({"dark": run | table, "": table})
     rows = edition_rows(history, reasons)
     assert [(row.suite, row.claim) for row in rows] == [*(("dark", claim) for claim in run), ("", "T1")]
-    assert edition_table(history, reasons).splitlines()[0] == (
+    assert edition_list(history, reasons).splitlines()[0] == (
         "By the rules 'second', on the same fits as before, 2 of 5 verdicts tell another finding, 2 have a "
         "new word for the same one (not checkable → not testable here, contradicted → inconsistent), 1 "
         "stayed as before."

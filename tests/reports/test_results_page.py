@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/results.md against the published ledgers: every verdict, and every interval beside one."""
+"""docs/results/ against the published ledgers: every verdict, and every interval beside one."""
 
 import math
 import re
@@ -16,12 +16,12 @@ from graycard.records import CheckResult, ClaimResult, Ledger
 from graycard.reports.history._keep import OWN
 from graycard.reports.history._reasons import load_reasons
 
-RESULTS = Path(__file__).parents[2] / "docs" / "results.md"
+RESULTS = Path(__file__).parents[2] / "docs" / "results"
 RUNS = ("dark", "multilight", "tabletop", "robust", "matte")
 TABLES = "tables"
-GENERATED = re.compile(r"<!-- editions: .*?<!-- end of editions -->", re.DOTALL)
-HEADERS = {"| claim | verdict | why |": "paper", "| question | answer | why |": "graycard"}
+HEADERS = {"| claim | verdict |": "paper", "| question | answer |": "graycard"}
 IDS = re.compile(r"(?:[SGR]|GA|RA)\d+(?:, (?:[SGR]|GA|RA)\d+)*")
+REASON = re.compile(r"^- \*\*([^*]+)\*\*: (.*?)(?=^\S|^\Z|\n\n)", re.MULTILINE | re.DOTALL)
 TOLD = ("reproduced", "undecided", "not testable here", "holds", "open", "consistent", "inconsistent")
 NUMBER = r"(?<![\w.-])-?\d+(?:\.\d+)?"
 INTERVAL = re.compile(rf"\((?:({NUMBER})[^()]*?, )?({NUMBER}) to ({NUMBER})(?:; paper ({NUMBER}))?")
@@ -74,26 +74,21 @@ def rounds(printed: str, value: float) -> bool:
     return abs(float(printed) - value) <= half * (1 + 1e-9)
 
 
-def page() -> str:
-    """Return the text outside of the generated block."""
-    text, blocks = GENERATED.subn("", RESULTS.read_text(encoding="utf-8"))
-    assert blocks == 1
-    return text
+def page(name: str) -> str:
+    """Return the text of one page of results."""
+    return (RESULTS / f"{name}.md").read_text(encoding="utf-8")
 
 
-def sections(text: str) -> dict[str, str]:
-    """Return the text of each section by the folder or file of the ledger that it names first."""
-    found: dict[str, str] = {}
-    for section in text.split("\n## "):
-        named = re.search(r"`reports/published/(\w+)(?:/|\.json)`", section)
-        if named and any(header in section for header in HEADERS):
-            assert named[1] not in found, f"two sections of {named[1]}"
-            found[named[1]] = section
+def sections() -> dict[str, str]:
+    """Return the page of each ledger, which names its folder or file."""
+    found = {name: page(name) for name in (*RUNS, TABLES)}
+    assert all(re.search(rf"`reports/published/{name}(?:/|\.json)`", text) for name, text in found.items())
     return found
 
 
 def rows_of(section: str) -> Iterator[Row]:
-    """Return the lines of its tables of verdicts, one for each claim that a line names."""
+    """Return the lines of its tables of verdicts, one for each claim that a line names, with its reason."""
+    reasons = {ids: " ".join(why.split()) for ids, why in REASON.findall(section + "\n\n")}
     asked_by = ""
     for line in section.splitlines():
         if not line.startswith("|"):
@@ -101,10 +96,10 @@ def rows_of(section: str) -> Iterator[Row]:
         elif line in HEADERS:
             asked_by = HEADERS[line]
         elif asked_by and not line.startswith("| ---"):
-            first, verdict, why = (cell.strip() for cell in line.strip("|").split(" | "))
+            first, verdict = (cell.strip() for cell in line.strip("|").split(" | "))
             ids = IDS.match(first)
             assert ids, f"expected claims, got {first!r}"
-            yield from (Row(claim, asked_by, verdict, why) for claim in ids[0].split(", "))
+            yield from (Row(claim, asked_by, verdict, reasons[ids[0]]) for claim in ids[0].split(", "))
 
 
 def effects_of(why: str) -> Iterator[Effect]:
@@ -128,7 +123,7 @@ def word_of(claim: ClaimResult) -> str:
     return f"{claim.verdict} (by the checks: {claim.before})" if claim.before else claim.verdict
 
 
-SECTIONS = sections(page())
+SECTIONS = sections()
 LEDGERS = {name: claims_of(name) for name in (*RUNS, TABLES)}
 ROWS = {name: list(rows_of(section)) for name, section in SECTIONS.items()}
 
@@ -194,14 +189,15 @@ def test_the_summary_counts_the_verdicts():
         f"{count['undecided']} are undecided and {count['not testable here']} are not testable here; none "
         f"is contradicted. Of {own} own questions {count['holds']} holds and {count['open']} are open. Of "
         f"{tables} tables {count['consistent']} is consistent and {count['inconsistent']} are inconsistent."
-    ) in " ".join(page().split())
+    ) in " ".join(page("index").split())
 
 
 def test_words_of_earlier_rules_stand_only_where_earlier_rules_are_told():
     editions = load_reasons(OWN).editions
     gone = {word for edition in editions[:-1] for word in edition.words} - set(editions[-1].words)
     assert gone == {"not supported", "direction only", "not checkable"}
-    for paragraph in page().replace("none is contradicted", "").split("\n\n"):
+    pages = "\n\n".join((*SECTIONS.values(), page("index").replace("none is contradicted", "")))
+    for paragraph in pages.split("\n\n"):
         text = " ".join(paragraph.split())
         if "earlier rules" not in text:
             old = [word for word in (*sorted(gone), "contradicted") if word in text]
@@ -256,6 +252,6 @@ def test_a_wrong_verdict_a_missing_and_a_doubled_claim_are_seen():
     for planted in (
         section.replace("| not testable here |", "| undecided |"),
         "\n".join(line for line in section.splitlines() if not line.startswith("| R12 ")),
-        section.replace("| R12 three", "| R12, R11 three"),
+        section.replace("| R12 three", "| R12, R11 three").replace("- **R12**", "- **R12, R11**"),
     ):
         assert Counter((row.claim, row.verdict) for row in rows_of(planted)) != told

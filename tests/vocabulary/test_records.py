@@ -164,7 +164,9 @@ def test_a_file_may_not_say_what_is_known_in_memory_only(tmp_path: Path, key: st
 
 
 def test_predictions_need_an_index_of_their_format(tmp_path: Path):
-    with pytest.raises(PredictionError, match=r"with predictions.json at .*, got nothing.*docs/formats.md"):
+    with pytest.raises(
+        PredictionError, match=r"with predictions.json at .*, got nothing.*reference/formats.md"
+    ):
         open_predictions(tmp_path / "no")
     write_json(
         tmp_path / "predictions.json", {"method": "m", "track": "dark", "scene": "s", "format_version": 9}

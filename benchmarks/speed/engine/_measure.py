@@ -49,7 +49,7 @@ PACKAGES = ("numba", "llvmlite", "gsplat")
 
 @dataclass(frozen=True, slots=True)
 class SpeedPlan:
-    """What is measured, and for how long."""
+    """Parts to measure, and for how long."""
 
     workloads: tuple[Workload, ...] = WORKLOADS
     channels: tuple[int, ...] = (3, 16)
@@ -93,7 +93,7 @@ QUICK_PLAN = SpeedPlan(
 def speed_plan(
     parts: Sequence[Part] = (), workloads: Sequence[str] = (), repetitions: int = 5, quick: bool = False
 ) -> SpeedPlan:
-    """What is measured, by the words of the command line.
+    """Part to measure, by the words of the command line.
 
     Args:
         parts: All of them if empty.
@@ -137,7 +137,7 @@ def measure_engine(plan: SpeedPlan | None = None, progress: Progress = silent) -
 
 
 def _with_part(speed: EngineSpeed, part: Part, plan: SpeedPlan, progress: Progress) -> EngineSpeed:
-    """What was measured so far, and one part more."""
+    """Measurements so far, and one part more."""
     match part:
         case "stages":
             return replace(speed, engine=tuple(_engine_costs(plan, speed.peaks[-1], progress)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many surfels contribute to how many pixels: the work itself, whoever does it and however.
+"""Work: counts of surfel and pixel pairs, whoever does it and however.
 
 Counted in float64 from the formulas, apart from the engine, whose own lists hold pairs that turn out to be
 too faint.
@@ -74,7 +74,7 @@ def _bounds(centres: np.ndarray, surfels: Surfels, boxes: np.ndarray, camera: Ca
 
 @njit(cache=True)
 def _exponent(M, box, x, y):
-    """Of the larger Gaussian of a surfel at a pixel, positive; infinite where there is none."""
+    """Exponent of the larger Gaussian of a surfel at a pixel, positive; infinite where there is none."""
     h = x * M[2] - M[0]
     k = y * M[2] - M[1]
     below = h[0] * k[1] - h[1] * k[0]

@@ -37,7 +37,7 @@ class Peer:
     name: str
     draw: Draw
     note: str = ""
-    """What its time does not hold."""
+    """Parts left out of the time."""
     scene: Scene | None = None
     """The same scene where it draws it, if that is another device."""
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run of the speed benchmark of the engine holds: every figure beside what it is measured against."""
+"""Record of the speed benchmark of the engine: every figure beside what it is measured against."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ class Lanes:
 
     evaluated: int
     ns: float
-    """Of one lane."""
+    """Time of one lane."""
     peak_share: float
     """Operations a second over those of the machine's peak with as many threads, measured in the same run."""
     efficiency: float
@@ -82,7 +82,7 @@ class ScalingPoint:
     """The engine with one thing changed."""
 
     along: str
-    """What changes: surfels (of a size that keeps the coverage), pixels, channels or threads."""
+    """Varied quantity: surfels (of a size that keeps the coverage), pixels, channels or threads."""
     value: int
     workload: str
     channels: int
@@ -106,16 +106,16 @@ class PeerCost:
     """By how much it makes the process grow, forward and backward."""
     ours_mib: float
     note: str = ""
-    """What its time does not hold."""
+    """Parts left out of the time."""
 
     @property
     def forward_ratio(self) -> float:
-        """How many times faster ours is."""
+        """Speed-up of ours."""
         return self.theirs_forward.ms / self.ours_forward.ms
 
     @property
     def both_ratio(self) -> float:
-        """How many times faster ours is, forward and backward."""
+        """Speed-up of ours, forward and backward."""
         return self.theirs_both.ms / self.ours_both.ms
 
 
@@ -131,7 +131,7 @@ class LossCost:
 
     @property
     def ratio(self) -> float:
-        """How many times faster ours is."""
+        """Speed-up of ours."""
         return self.torch.ms / self.ours.ms
 
 
@@ -141,7 +141,7 @@ class StepCost:
 
     workload: str
     losses: str
-    """What it lowers."""
+    """Loss that it lowers."""
     whole: Timing
     stages: Mapping[str, Timing]
     """Each but Adam holds those before it."""
@@ -167,6 +167,6 @@ class EngineSpeed:
     steps: tuple[StepCost, ...] = ()
     tracer: tuple[TracerCost, ...] = ()
     left_out: tuple[str, ...] = field(default=())
-    """What could not be measured here, and why."""
+    """Parts that were not measured, and why."""
     format: str = "graycard-speed-engine"
     format_version: int = RECORD_VERSION

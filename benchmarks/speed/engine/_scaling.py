@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the engine's time grows with surfels, pixels and channels, and shrinks with threads."""
+"""Scaling of the engine's time with surfels, pixels, channels and threads."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from graycard.io import silent
 
 @dataclass(frozen=True, slots=True)
 class ScalingPlan:
-    """What is changed, each from the same workload."""
+    """Varied quantities, each from the same workload."""
 
     surfels: tuple[int, ...] = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000)
     sizes: tuple[int, ...] = (64, 128, 256, 512, 1024)

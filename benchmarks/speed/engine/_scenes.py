@@ -33,7 +33,7 @@ class Workload:
     """Median standard deviation of a disc, metres."""
 
     def covering(self, surfels: int) -> "Workload":
-        """As many surfels as told on the same image, of a size that keeps the coverage of a pixel."""
+        """Return so many surfels on the same image, of a size that keeps the coverage of a pixel."""
         scale = self.scale * math.sqrt(self.surfels / surfels)
         return Workload(f"{self.name}, {surfels} surfels", surfels, self.size, scale)
 

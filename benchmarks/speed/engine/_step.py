@@ -38,7 +38,7 @@ LOSSES: Mapping[str, SurfelSettings] = {
     "photometric": SurfelSettings(normal_weight=0.0, distortion_weight=0.0),
     "and geometry": SurfelSettings(),
 }
-"""What a step lowers, by what the table calls it: the defaults hold the depth-normal loss and distortion."""
+"""Losses of a step, by their names in the table: the defaults hold the depth-normal loss and distortion."""
 
 
 def measure_steps(

@@ -37,7 +37,7 @@ MARIGOLD_GAMMA = PsnrProtocol(
     source="prs-eth/Marigold, script/iid/eval.py, linear2srgb, with --use_mask, b1dffaa",
     alignment=Alignment(space="gamma 2.2"),
 )
-"""As ``raw-srgb``, by the encoding that Marigold itself applies to what is linear, for Hypersim and its model
+"""``raw-srgb`` by the encoding that Marigold itself applies to what is linear, for Hypersim and its model
 of lighting: x^(1/2.2), by which what is above 1 stays. It differs by up to 0.3 dB."""
 
 GLOBAL_LSQ = PsnrProtocol(
@@ -135,7 +135,7 @@ TENSOIR_SINGLE = PsnrProtocol(
     pooling="PSNR of the mean error",
     ignores=GLOBAL,
 )
-"""As ``tensoir-three``, with the median ratio of the red channel for all three."""
+"""``tensoir-three`` with the median ratio of the red channel for all three."""
 
 GS_IR = PsnrProtocol(
     name="gs-ir",
@@ -186,7 +186,7 @@ R3DG_SYN4_LINEAR = PsnrProtocol(
     pixels="whole image",
     channels="mean of PSNRs",
 )
-"""As ``r3dg-syn4``, if the constants were medians of linear base colour, where they are applied."""
+"""``r3dg-syn4`` if the constants were medians of linear base colour, where they are applied."""
 
 IRGS_SYN4 = PsnrProtocol(
     name="irgs-syn4",
@@ -217,7 +217,7 @@ IRGS_TENSOIR = PsnrProtocol(
     channels="mean of PSNRs",
     ignores=CHANNEL,
 )
-"""As ``irgs-syn4``, for truth in linear files; only pixels that are above 0 in each channel enter the fit."""
+"""``irgs-syn4`` for truth in linear files; only pixels that are above 0 in each channel enter the fit."""
 
 NVDIFFREC = PsnrProtocol(
     name="nvdiffrec",
@@ -254,8 +254,8 @@ MIT_LMSE_PUBLISHED = LmseProtocol(
     total="the last window of each row",
     ignores=GLOBAL,
 )
-"""As ``mit-lmse``, by the program that the authors published: by an indentation its denominator sums the
-last window of each row alone. So its numbers are greater, 6 to 10 times at 96 pixels, and grow with the
+"""``mit-lmse`` by the program that the authors published: by an indentation its denominator sums the last
+window of each row alone. So its numbers are greater, 6 to 10 times at 96 pixels, and grow with the
 picture."""
 
 ALBEDO: tuple[PublishedProtocol, ...] = (

@@ -45,7 +45,7 @@ TENSOIR_SINGLE = SsimProtocol(
     window=WHOLE_WINDOWS,
     ignores=GLOBAL,
 )
-"""As ``tensoir-three-ssim``, with one factor."""
+"""``tensoir-three-ssim`` with one factor."""
 
 GS_IR = SsimProtocol(
     name="gs-ir-ssim",

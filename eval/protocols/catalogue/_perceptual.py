@@ -34,7 +34,7 @@ TENSOIR_SINGLE = LpipsProtocol(
     alignment=replace(albedo.TENSOIR_SINGLE.alignment, space="linear"),
     ignores=GLOBAL,
 )
-"""As ``tensoir-three-lpips``, with one factor."""
+"""``tensoir-three-lpips`` with one factor."""
 
 GS_IR = LpipsProtocol(
     name="gs-ir-lpips",
@@ -72,7 +72,7 @@ IRGS_TENSOIR = LpipsProtocol(
     fed="as it is",
     ignores=CHANNEL,
 )
-"""As ``irgs-syn4-lpips``."""
+"""``irgs-syn4-lpips`` by another alignment."""
 
 PERCEPTUAL: tuple[PublishedProtocol, ...] = (
     ORB_ALBEDO,

@@ -42,7 +42,7 @@ ORB_VIEW_LDR = PsnrProtocol(
     pixels="whole image",
     floor=0.5,
 )
-"""As ``orb-view-hdr``, of sRGB cut to [0, 1]."""
+"""``orb-view-hdr`` of sRGB cut to [0, 1]."""
 
 ORB_VIEW_SSIM = SsimProtocol(
     name="orb-view-ssim",
@@ -101,7 +101,7 @@ ORB_RELIT_HDR = PsnrProtocol(
     ignores=CHANNEL,
     refuses=("sign",),
 )
-"""As ``orb-view-hdr``, with three factors Σ p t / Σ p² for each picture, inside the eroded mask."""
+"""``orb-view-hdr`` with three factors Σ p t / Σ p² for each picture, inside the eroded mask."""
 
 ORB_RELIT_LDR = PsnrProtocol(
     name="orb-relit-ldr",
@@ -114,7 +114,7 @@ ORB_RELIT_LDR = PsnrProtocol(
     ignores=CHANNEL,
     refuses=("sign",),
 )
-"""As ``orb-view-ldr``, with three factors for each picture, fitted in linear light."""
+"""``orb-view-ldr`` with three factors for each picture, fitted in linear light."""
 
 ORB_RELIT_SSIM = SsimProtocol(
     name="orb-relit-ssim",

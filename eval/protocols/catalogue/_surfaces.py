@@ -29,7 +29,7 @@ GS_IR_NORMAL = AngleProtocol(
     source="lzhnb/GS-IR, normal_eval.py, get_mae, 0d8c1ea",
     stored_as="8 bits",
 )
-"""As ``tensoir-normal``, of 8-bit files; the stored normal (128, 128, 255) stands for the background."""
+"""``tensoir-normal`` of 8-bit files; the stored normal (128, 128, 255) stands for the background."""
 
 ORB_DEPTH = DepthProtocol(
     name="orb-depth",

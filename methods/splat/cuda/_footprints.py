@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What gsplat's kernels need to know of surfels: projected by our own equations, listed by its kernels."""
+"""Footprints for gsplat's kernels: projected by our own equations, listed by its kernels."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Footprints:
     """Shape ``(n, 2)``, float64, pixels: centres of the boxes of the projected discs, moved by the
     offsets; gsplat's ``means2d``."""
     crosses: bool
-    """Whether a disc reaches behind the camera's plane before its alpha falls below ``ALPHA_MIN``."""
+    """True if a disc reaches behind the camera's plane before its alpha falls below ``ALPHA_MIN``."""
     tile_starts: torch.Tensor
     """Shape ``(1, rows, columns)``, int32: where each tile's list begins."""
     listed: torch.Tensor

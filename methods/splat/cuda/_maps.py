@@ -17,7 +17,7 @@ from graycard.methods.splat.cuda._footprints import TILE, Footprints, Kernels
 LISTED = 1.001
 """Factor on opacities for the lists, so that rounding leaves out no pair that the contract has."""
 PATIENCE = 1e5
-"""What lists start with as transmittance. gsplat ends a pixel before 1e-4 is reached, with alpha up to 0.999;
+"""Initial transmittance of lists. gsplat ends a pixel before 1e-4 is reached, with alpha up to 0.999;
 where the contract still draws, two such surfels behind each other leave at least 1e-9."""
 FOREVER = 1e30
 """The same, if planes may be met behind the camera: gsplat counts that as absorption too."""
@@ -147,7 +147,7 @@ def _composite(hits: _Hits, values: torch.Tensor, pixels: int) -> dict[str, torc
 
 
 def _transmittance(hits: _Hits) -> torch.Tensor:
-    """What each hit has before it in its pixel, by sums of logarithms over all pixels."""
+    """Transmittance: what each hit has before it in its pixel, by sums of logarithms over all pixels."""
     fall = torch.log1p(-hits.alpha)
     before = fall.cumsum(dim=0) - fall
     _, which, counts = torch.unique_consecutive(hits.pixels, return_inverse=True, return_counts=True)

@@ -22,7 +22,7 @@ FORMAT = {"format": "graycard-fit", "version": "1"}
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Where a fit is saved, and how often.
+    """Checkpoints: where a fit is saved, and how often.
 
     Raises:
         ValueError: The interval is not positive.
@@ -34,11 +34,11 @@ class Checkpoint:
     identity: str
     """Says what the fit depends on: method, settings, seed, photographs. A state of another is refused."""
     shared: bool = False
-    """Whether the path is a folder of fits, each in a file that its identity names: whoever has the same goes
-    on from it."""
+    """True if the path is a folder of fits, each in a file that its identity names: whoever has the same
+    goes on from it."""
     anew: bool = False
-    """Whether a file that is damaged or of another fit is written anew instead of refused; so is one that is
-    ``shared``."""
+    """True if a file that is damaged or of another fit is written anew instead of refused; so is one that
+    is ``shared``."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -46,13 +46,13 @@ class Checkpoint:
 
     @property
     def file(self) -> Path:
-        """Where the state is."""
+        """File of the state."""
         if not self.shared:
             return self.path
         return self.path / f"{hashlib.sha256(self.identity.encode()).hexdigest()[:20]}.safetensors"
 
     def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = (), chosen: str = "") -> "Checkpoint":
-        """Where another stage of the same fit is saved: a file of its own, next to this one.
+        """File where another stage of the same fit is saved: a file of its own, next to this one.
 
         The stage is begun anew where the file is of another one: the first file has shown whose it is.
 
@@ -70,7 +70,7 @@ class Checkpoint:
 
 
 class Spent(NamedTuple):
-    """What a fit took up to some step."""
+    """Cost of a fit up to some step."""
 
     seconds: float = 0.0
     peak_mib: float = 0.0
@@ -113,14 +113,14 @@ def load_state(checkpoint: Checkpoint) -> FitState | None:
 
 
 class Saved(NamedTuple):
-    """What a checkpoint holds."""
+    """Contents of a checkpoint."""
 
     state: FitState
     spent: Spent
 
 
 def load_saved(checkpoint: Checkpoint) -> Saved | None:
-    """As :func:`load_state`, with what it took."""
+    """Return the same as :func:`load_state`, with what it took."""
     path = checkpoint.file
     if not path.exists():
         return None
@@ -172,7 +172,7 @@ _BROKEN = (OSError, SafetensorError, KeyError, TypeError, ValueError)
 
 
 def _facts(metadata: Mapping[str, str] | None) -> dict[str, Any]:
-    """What the header says of the fit.
+    """Facts about the fit in the header.
 
     Raises:
         ValueError: It is no header of a saved fit.

@@ -15,7 +15,7 @@ from graycard.methods.splat.fit._parameters import CENTRES, LOG_SCALES, LOGITS, 
 
 @dataclass(frozen=True, slots=True)
 class DensityRules:
-    """When surfels are added and taken away; the defaults are those of 2D Gaussian Splatting.
+    """Densification rules; the defaults are those of 2D Gaussian Splatting.
 
     Times are shares of the budget of steps, sizes are shares of the scene's extent.
 
@@ -32,12 +32,13 @@ class DensityRules:
     """Mean length of the loss's gradient in normalised device coordinates above which a surfel is not
     enough."""
     small: float = 0.01
-    """Of the extent: a surfel up to this size is cloned, a larger one is split."""
+    """Size limit, a share of the extent: a surfel up to this size is cloned, a larger one is split."""
     children: int = 2
-    """Of a split surfel; each is smaller by 0.8 times their number."""
+    """Number of parts of a split surfel; each is smaller by 0.8 times their number."""
     least_opacity: float = 0.05
     largest: float | None = 0.1
-    """Of the extent: a larger surfel goes, once the opacity was reset; None: none goes."""
+    """Size limit, a share of the extent: a larger surfel goes, once the opacity was reset; None: none
+    goes."""
     largest_on_screen: float | None = None
     """Three standard deviations, of the image's width: as ``largest``."""
     reset_opacity: float = 0.01
@@ -59,17 +60,17 @@ class DensityRules:
             raise ValueError(f"expected a limit of 1 or more surfels, got {self.limit}")
 
     def densifies(self, step: int, budget: int) -> bool:
-        """Whether surfels come and go after ``step`` steps are done."""
+        """Return whether surfels come and go after ``step`` steps are done."""
         within = self.start * budget < step < self.until * budget
         paused = any(begin * budget < step <= end * budget for begin, end in self.pauses)
         return within and not paused and step % max(1, round(self.every * budget)) == 0
 
     def resets(self, step: int, budget: int) -> bool:
-        """Whether opacities are reset after ``step`` steps are done."""
+        """Return whether opacities are reset after ``step`` steps are done."""
         return 0 < step < self.until * budget and step % max(1, round(self.reset_every * budget)) == 0
 
     def was_reset(self, step: int, budget: int) -> bool:
-        """Whether opacities were reset before ``step``: from then on the sizes are bounded."""
+        """Return whether opacities were reset before ``step``: from then on the sizes are bounded."""
         return step > max(1, round(self.reset_every * budget))
 
 
@@ -144,7 +145,7 @@ def reset_opacity(state: FitState, rules: DensityRules) -> FitState:
 
 
 def _asked(state: FitState, rules: DensityRules) -> torch.Tensor:
-    """Which surfels are not enough, shape ``(N,)``, bool; each of them makes one more."""
+    """Return which surfels are not enough, shape ``(N,)``, bool; each of them makes one more."""
     mean = state.screen.gradient / state.screen.views.clamp(min=1)
     asked = mean > rules.gradient
     if rules.limit is None:

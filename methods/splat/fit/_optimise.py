@@ -13,7 +13,7 @@ from graycard.methods.splat.fit._moved import Moved
 from graycard.methods.splat.fit._parameters import CENTRES, Parameters
 
 EPSILON = 1e-15
-"""Of Adam: the gradients of surfels are small numbers (Kerbl et al. 2023)."""
+"""Epsilon of Adam: the gradients of surfels are small numbers (Kerbl et al. 2023)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +50,15 @@ class LearningRateSchedule:
 
 @dataclass(frozen=True, eq=False)
 class AdamMoments:
-    """What Adam remembers of one parameter."""
+    """State that Adam remembers of one parameter."""
 
     first: torch.Tensor
     """Running mean of the gradient, in the shape of the parameter."""
     second: torch.Tensor
     """Running mean of its square."""
     steps: torch.Tensor
-    """How often the parameter was moved, float32, no dimension: corrects the means, which begin at zero."""
+    """Count: how often the parameter was moved, float32, no dimension: corrects the means, which begin at
+    zero."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an optimiser moves: unbounded numbers behind surfels, and any others beside them."""
+"""Parameters: unbounded numbers behind surfels, and any others beside them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ CENTRES, LOG_SCALES, ROTATIONS, LOGITS = "centres", "log_scales", "rotations", "
 GEOMETRY = (CENTRES, LOG_SCALES, ROTATIONS, LOGITS)
 """The parameters that every set of surfels has; a method adds its own beside them."""
 _NEARLY = 1e-6
-"""Of opacity 0 and 1, whose logits are infinite."""
+"""Bound of opacity 0 and 1, whose logits are infinite."""
 
 
 @dataclass(frozen=True, eq=False)

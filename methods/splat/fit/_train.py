@@ -60,7 +60,7 @@ class TrainConfig:
     rates: Mapping[str, LearningRateSchedule]
     """By the names of parameters; those without a rate stay as they are."""
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     rules: DensityRules | None = None
     """None: no surfel comes or goes."""
     checkpoint: Checkpoint | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which view a step of a fit looks at, and how large surfels are there."""
+"""Schedule of views: which view a step of a fit looks at, and how large surfels are there."""
 
 from collections.abc import Mapping
 from functools import lru_cache

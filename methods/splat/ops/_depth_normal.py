@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the normals of surfels are those of the surface that their depth draws (Huang et al. 2024)."""
+"""Consistency: whether the normals of surfels are those of the surface that their depth draws (Huang et
+al. 2024).
+"""
 
 from typing import Any, NamedTuple, cast
 
@@ -83,7 +85,7 @@ def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], depth: torch.
 
 
 class Frame(NamedTuple):
-    """How pixels lie in the world, in the dtype of the images."""
+    """Places where pixels lie in the world, in the dtype of the images."""
 
     rays: np.ndarray
     """Shape ``(3, max(H, W))``: x by column, what a row adds to it, y by row."""
@@ -121,7 +123,7 @@ class _Normals(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, depth: torch.Tensor, frame: Frame) -> torch.Tensor:
-        """As :func:`depth_to_normals`."""
+        """See :func:`depth_to_normals`."""
         from graycard.methods.splat.ops._depth_normal_forward import (
             normals_forward,  # Numba takes long to import
         )
@@ -155,7 +157,7 @@ class _Mismatch(torch.autograd.Function):
     def forward(
         ctx: Any, depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: Frame
     ) -> torch.Tensor:
-        """As :func:`depth_normal_map`."""
+        """See :func:`depth_normal_map`."""
         values = _mismatch(_numbers(depth), _numbers(normal), _numbers(alpha), frame)
         ctx.save_for_backward(depth, normal, alpha)
         ctx.frame = frame
@@ -173,7 +175,7 @@ class _Mismatch(torch.autograd.Function):
 
 
 def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame) -> np.ndarray:
-    """As :func:`depth_normal_map`."""
+    """See :func:`depth_normal_map`."""
     if _by_lines(depth):
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_forward
 
@@ -192,7 +194,7 @@ def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: F
 def _mismatch_gradients(
     depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame, upstream: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of depth and normal."""
+    """Gradients of depth and normal."""
     to_depth = np.empty_like(depth)
     if _by_lines(depth):
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_backward
@@ -211,7 +213,7 @@ def _mismatch_gradients(
 
 
 def _by_lines(depth: np.ndarray) -> bool:
-    """Whether the faster kernels can take it."""
+    """Return whether the faster kernels can take it."""
     from graycard.methods.splat.ops._depth_normal_kernels import LEAST_WIDTH  # Numba takes long to import
 
     return depth.dtype == np.float32 and depth.shape[1] >= LEAST_WIDTH

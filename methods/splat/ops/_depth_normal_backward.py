@@ -8,7 +8,7 @@ from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, t
 
 @njit(error_model="numpy", **INLINED)
 def pull(depth, row, column, frame, upstream, pulls):
-    """What the gradient of the normal at a pixel makes of the ratios of depths across and down.
+    """Return what the gradient of the normal at a pixel makes of the ratios of depths across and down.
 
     Writes it over the square of the ratios' denominators, and twice: a depth is pulled by that much times the
     depth on the other side.

@@ -15,7 +15,7 @@ from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, t
 
 @njit(error_model="numpy", **INLINED)
 def is_surface(z):
-    """Whether there is a point at this depth; NaN passes, so that it shows in the result."""
+    """Return whether there is a point at this depth; NaN passes, so that it shows in the result."""
     return not ((z <= 0) | (z == inf))
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far normals are from those of the depth, in float32 and sixteen pixels of a row at a time.
+"""Consistency of normals: how far normals are from those of the depth, in float32 and sixteen pixels of a row
+at a time.
 
 The formulas are those of ``_depth_normal_forward`` and ``_depth_normal_backward``, whose loops stay scalar:
 Numba cannot prove that so many images do not overlap. Images are flat here.
@@ -16,12 +17,14 @@ from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, t
 
 LANES = simd.LANES
 LEAST_WIDTH = LANES + 4
-"""Of an image: two columns on each side are not like the others."""
+"""Border of an image: two columns on each side are not like the others."""
 
 
 @njit(**INLINED)
 def starts(column, width, border):
-    """Where a vector begins that would begin at a column, but for the last, which ends with the border."""
+    """Return where a vector begins that would begin at a column, but for the last, which ends with the
+    border.
+    """
     return min(column, width - border - LANES)
 
 
@@ -34,7 +37,8 @@ def where_surface(z, values):
 
 @njit(**INLINED)
 def meet_line(depth, at, width, x, y, lens):
-    """As ``meet``: the normal's p, q and z, one over its length, and the sums of depths across and down.
+    """Return, as ``meet``: the normal's p, q and z, one over its length, and the sums of depths across and
+    down.
 
     Where one of the four neighbours is no point, p, q and one over the length are zero.
     """
@@ -83,7 +87,7 @@ def turned_line(matrix, x, y, z):
 
 @njit(**INLINED)
 def dot_line(a, b):
-    """Of triples of vectors."""
+    """Return the dot products of triples of vectors."""
     return simd.fma(a[0], b[0], simd.fma(a[1], b[1], a[2] * b[2]))
 
 
@@ -114,7 +118,9 @@ def set_border(row, height, width, channels, value, image):
 
 @njit(**UNWRAPPED)
 def compare_rows(part, parts, depth, width, frame, normal, alpha, values):
-    """As ``mismatch_forward``; ``width`` of at least ``LEAST_WIDTH``, all of ``values`` is written."""
+    """Do the same as ``mismatch_forward``; ``width`` of at least ``LEAST_WIDTH``, all of ``values`` is
+    written.
+    """
     height = depth.size // width
     start, stop = share(part, parts, height)
     for row in range(start, stop):
@@ -139,7 +145,7 @@ def mismatch_lines_forward(*given):
 
 @njit(**INLINED)
 def pull_line(depth, at, width, ray, frame, normal, weight):
-    """As ``pull``, of the unit normal times a normal and a weight.
+    """Return the gradient, as ``pull``, of the unit normal times a normal and a weight.
 
     Returns:
         What pulls the ratios across and down, and the gradient of the normal.
@@ -175,7 +181,7 @@ def times_opposite_line(pulls, at, depth, opposite):
 
 @njit(**INLINED)
 def gather_line(depth, width, across, down, at):
-    """As ``gathered``, two pixels or more from the border."""
+    """Return the same as ``gathered``, two pixels or more from the border."""
     total = times_opposite_line(across, at - 1, depth, at - 2)
     total = total - times_opposite_line(across, at + 1, depth, at + 2)
     total = total + times_opposite_line(down, at - width, depth, at - 2 * width)
@@ -224,6 +230,8 @@ def gather_rows(part, parts, depth, width, pulls, to_depth):
 
 @njit(cache=True)
 def mismatch_lines_backward(depth, width, frame, normal, alpha, upstream, pulls, to_depth, to_normal):
-    """As ``mismatch_backward``; all of ``pulls``, ``(2, H, W)``, and of ``to_normal`` is written."""
+    """Do the same as ``mismatch_backward``; all of ``pulls``, ``(2, H, W)``, and of ``to_normal`` is
+    written.
+    """
     run(task(pull_rows, (depth, width, frame, normal, alpha, upstream, pulls, to_normal)))
     run(task(gather_rows, (depth, width, pulls, to_depth)))

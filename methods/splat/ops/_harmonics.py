@@ -13,7 +13,7 @@ from graycard.methods.splat.ops._pytorch import harmonics_sum
 
 
 def coefficient_count(degree: int) -> int:
-    """How many harmonics there are up to a degree: ``(degree + 1)^2``.
+    """Return how many harmonics there are up to a degree: ``(degree + 1)^2``.
 
     Raises:
         ValueError: The degree is not 0 to 3.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an image lacks to its target, pixel by pixel: absolute difference and SSIM."""
+"""Photometric losses, pixel by pixel: absolute difference and SSIM."""
 
 from typing import Any, NamedTuple, cast
 

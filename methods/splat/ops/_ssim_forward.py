@@ -25,7 +25,7 @@ WINDOW = 2 * REACH + 1
 SIGMA = 1.5
 """Standard deviation of the Gaussian window, pixels."""
 C1, C2 = 0.01**2, 0.03**2
-"""What keeps the fractions finite, for values in [0, 1]."""
+"""Constants of SSIM, for values in [0, 1]."""
 BAND = 8
 """Rows that a thread takes at a time."""
 SAVED = 5
@@ -43,7 +43,9 @@ WEIGHTS = window()
 
 @njit(**INLINED, **BORROWING)
 def last_start(at, length):
-    """Where the sixteen floats from ``at`` begin: the last ones of a line overlap those before them."""
+    """Return where the sixteen floats from ``at`` begin: the last ones of a line overlap those before
+    them.
+    """
     return min(at, length - LANES)
 
 

@@ -45,7 +45,7 @@ PLAIN = (0,) * 12
 HEIGHTS = (0,) * 2
 """With depths: of the disc's height, and of the centre's z-depth."""
 FIRST_CHANNEL = len(PLAIN)
-"""Where channels begin in a slot that has room for them."""
+"""Index where channels begin in a slot that has room for them."""
 FAR, SOON = 16, 6
 """Pairs before they are needed at which their inputs are asked for, and the places of their results."""
 
@@ -60,7 +60,7 @@ class Room(NamedTuple):
     suffix: np.ndarray
     """The same of what all that is drawn from here on adds to the loss."""
     gradients: np.ndarray
-    """Of the image, a vector a channel and block."""
+    """Pixels of the image, a vector a channel and block."""
     spare: np.ndarray
     """A vector a block."""
 
@@ -80,7 +80,7 @@ class Apart(NamedTuple):
     to_channels: np.ndarray
     stride: int
     weights: np.ndarray
-    """Of one surfel, a vector a block."""
+    """Gradients of one surfel, a vector a block."""
     wide: np.ndarray
     """Gradients of the image pixel by pixel, ``stride`` floats each."""
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both kernels share: tiles of sixteen blocks of 4 x 4 pixels, each one vector, and alpha there."""
+"""Blocks, shared by both kernels: tiles of sixteen blocks of 4 x 4 pixels, each one vector, and alpha
+there.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -29,7 +31,7 @@ LANES = simd.LANES
 BLOCK = 4
 """Pixels on the side of a block."""
 BLOCKS = 16
-"""Of a tile, row-major."""
+"""Index of a tile, row-major."""
 PIXELS = BLOCKS * LANES
 GROUP = 16
 """Channels that are summed at a time."""
@@ -37,7 +39,8 @@ SIXTEEN = (0,) * GROUP
 ONE, NORMAL, MOMENTS = (0,), (0,) * 3, (0,) * 4
 """Templates: one vector, the three of a normal, and the sums of w, w z, w / z and w / z^2."""
 CENTRED = (0,) * 5
-"""What depth and distortion pull: a constant, by z and by the square of 1/z, less their means; the means."""
+"""Gradients of depth and distortion: a constant, by z and by the square of 1/z, less their means; the
+means."""
 SHAPE_SUMS = 7
 """Sums beside those of the channels: three of the normal, then the moments."""
 HUGE = 1e30
@@ -81,7 +84,7 @@ def linear_form(rows, at, x, y):
 
 @njit(**INLINED)
 def meet(rows, at, x, y):
-    """Where sixteen rays meet a disc.
+    """Return where sixteen rays meet a disc.
 
     Returns:
         u, v, reciprocal of the denominator, and the exponents (positive) of disc and low-pass.
@@ -112,7 +115,9 @@ def where_drawn(exponent, before, values):
 
 @njit(**INLINED)
 def depth_at(rows, at, met):
-    """Of the disc's plane, or of the centre where the low-pass is the larger Gaussian; and of the plane."""
+    """Weights of the disc's plane, or of the centre where the low-pass is the larger Gaussian; and of the
+    plane.
+    """
     z = simd.load_scalar(rows, at + HEIGHT) * simd.broadcast(NEAR) * met[2]
     return simd.where_at_least(met[4], met[3], z, simd.load_scalar(rows, at + CENTRE_Z)), z
 

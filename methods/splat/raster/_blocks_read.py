@@ -64,7 +64,7 @@ def read_lanes(tile_x, tile_y, image, to_image, channel, count, gradients, strid
 
 @njit(**INLINED)
 def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, first, suffix):
-    """As ``read_lanes``, for all channels, as many as the template is long."""
+    """Return the same as ``read_lanes``, for all channels, as many as the template is long."""
     width, channels = to_image.shape[1], len(template)
     if not is_whole(tile_x, tile_y, to_image):
         read_lanes(tile_x, tile_y, image, to_image, 0, channels, gradients, stride, first, suffix)
@@ -83,7 +83,7 @@ def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, fir
 
 @njit(**UNWRAPPED)
 def read_plane(tile_x, tile_y, plane, to_plane, gradients, stride, first, suffix):
-    """As ``read_lanes``, for images without channels."""
+    """Return the same as ``read_lanes``, for images without channels."""
     image = None if plane is None else as_image(plane)
     read_image(tile_x, tile_y, image, as_image(to_plane), ONE, gradients, stride, first, suffix)
 
@@ -100,7 +100,9 @@ def widen(gradients, stride, first, count, wide, row, channel):
 
 @njit(**UNWRAPPED)
 def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stride, suffix):
-    """As ``read_lanes``, for sixteen channels; and pixel by pixel into ``wide``, ``stride`` floats apart."""
+    """Return the same as ``read_lanes``, for sixteen channels; and pixel by pixel into ``wide``,
+    ``stride`` floats apart.
+    """
     width, channels = image.shape[1:]
     if not is_whole(tile_x, tile_y, image):
         read_lanes(tile_x, tile_y, image, to_image, channel, GROUP, gradients, channels, channel, suffix)

@@ -29,7 +29,7 @@ DEPTH, DISTORTION = 3, 4
 
 @njit(**INLINED)
 def is_whole(tile_x, tile_y, image):
-    """Whether a tile lies within an image."""
+    """Return whether a tile lies within an image."""
     return tile_y + TILE <= image.shape[0] and tile_x + TILE <= image.shape[1]
 
 

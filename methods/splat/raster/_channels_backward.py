@@ -9,7 +9,7 @@ from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import BORROWING, INLINED
 
 HALF = LANES // 2
-"""Where normals begin in a slot of few channels."""
+"""Index where normals begin in a slot of few channels."""
 PARTIAL = (0,) * 4
 
 
@@ -35,7 +35,9 @@ def channel_gradient(mask, at, apart):
 
 @njit(**INLINED, **BORROWING)
 def narrow_gradient(mask, at, channels, template, room, deep, apart):
-    """As ``channel_gradient``, for up to eight channels: sums of weights times vectors of the blocks."""
+    """Do the same as ``channel_gradient``, for up to eight channels: sums of weights times vectors of the
+    blocks.
+    """
     total = many.repeat(simd.broadcast(0.0), template)
     normal = many.repeat(simd.broadcast(0.0), NORMAL)
     bits = mask

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a kernel needs to know of a surfel: sixteen numbers in which a pixel costs a few operations.
+"""Coefficients of surfels: sixteen numbers in which a pixel costs a few operations.
 
 Along the ray through a pixel that lies ``p`` away from the anchor, in pixels, the disc's plane is met at
 ``u = (U . (p, 1)) / (D . (p, 1))``, ``v`` likewise, at depth ``h / (D . (p, 1))``: the ray of a pixel is

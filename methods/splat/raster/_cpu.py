@@ -82,7 +82,7 @@ def _draw(
 
 
 class _View(NamedTuple):
-    """What no gradient passes."""
+    """Arrays without gradients."""
 
     camera: Camera
     shaped: bool

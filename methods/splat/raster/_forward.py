@@ -50,7 +50,7 @@ class Room(NamedTuple):
     staged: np.ndarray
     """Rows of a batch."""
     touching: np.ndarray
-    """Which of them touch each column and each row of blocks, a word each."""
+    """Bit masks: which of them touch each column and each row of blocks, a word each."""
     weights: np.ndarray
     """A vector for each surfel of a batch that is drawn on a block."""
     hits: np.ndarray
@@ -67,7 +67,7 @@ class Deep(NamedTuple):
     normals: np.ndarray
     """Float32, flat, three a surfel."""
     depths: np.ndarray
-    """As ``Room.weights``."""
+    """See ``Room.weights``."""
     sums: np.ndarray
     """``SHAPE_SUMS`` vectors a block."""
     medians: np.ndarray
@@ -78,15 +78,15 @@ class Batch(NamedTuple):
     """Surfels of a batch that are drawn on a block, and their weights."""
 
     found: int
-    """How many."""
+    """Number of them."""
     first: int
-    """Where the batch begins in the list."""
+    """Start of the batch in the list."""
     listed: np.ndarray
     """See ``TileLists.surfels``."""
     hits: np.ndarray
-    """As in ``Room``."""
+    """See in ``Room``."""
     weights: np.ndarray
-    """As there."""
+    """See there."""
 
 
 @njit(**UNWRAPPED)

@@ -60,7 +60,7 @@ def form_gradient(pulls, column, factor, to_rays, anchor):
 
 @njit(**INLINED, **BORROWING)
 def axis_gradient(to_form, axis, away, height, centre, scale):
-    """Of one numerator, ``(height * axis - (axis . centre) * away) * HALF_ROOT / scale``.
+    """Return the gradient of one numerator, ``(height * axis - (axis . centre) * away) * HALF_ROOT / scale``.
 
     Returns:
         The derivatives by axis, away, height, centre and scale.
@@ -75,7 +75,9 @@ def axis_gradient(to_form, axis, away, height, centre, scale):
 
 @njit(**INLINED, **BORROWING)
 def column_gradient(sign, column, K, to_middle, to_norm):
-    """Of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``, see ``rim``."""
+    """Return the gradient of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``,
+    see ``rim``.
+    """
     x, y, _z = turned(K, column)
     depth = sign * (x * to_middle[0] + y * to_middle[1] + 2 * column[2] * to_norm)
     to_image = sign * column[2]
@@ -88,7 +90,7 @@ def column_gradient(sign, column, K, to_middle, to_norm):
 
 @njit(**INLINED, **BORROWING)
 def box_gradient(to_box, box, boxed, K, u, v, centre):
-    """Of the columns u, v and centre, from that of the box's centre."""
+    """Return the gradient of the columns u, v and centre, from that of the box's centre."""
     over = 1 / (boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2])
     to_middle = to_box[0] * over, to_box[1] * over
     to_norm = -(to_middle[0] * box[0] + to_middle[1] * box[1])

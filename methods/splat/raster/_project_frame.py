@@ -22,7 +22,7 @@ class Seen(NamedTuple):
     centre: Any
     """Metres."""
     quaternion: Any
-    """Of unit length."""
+    """Return the vector scaled to unit length."""
     length: Any
     """It had this one before."""
     world: Any
@@ -79,7 +79,7 @@ def write(numbers, place, vectors):
 
 @njit(**INLINED, **BORROWING)
 def dot(a, b):
-    """Of two triples."""
+    """Return the dot product of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -192,7 +192,7 @@ def box_centre(K, u, v, centre):
 
 @njit(**INLINED, **BORROWING)
 def anchor_of(box, moved, size):
-    """Where the linear forms of a surfel begin, before its picture is moved, see ``_coefficients``."""
+    """Return where the linear forms of a surfel begin, before its picture is moved, see ``_coefficients``."""
     x = doubles.minimum(doubles.maximum(box[0] + moved[0], -BEYOND), size[0] + BEYOND)
     y = doubles.minimum(doubles.maximum(box[1] + moved[1], -BEYOND), size[1] + BEYOND)
     return x - moved[0], y - moved[1]

@@ -37,12 +37,12 @@ class View(NamedTuple):
     to_rays: np.ndarray
     """Its inverse."""
     width: float
-    """Of the image, pixels, as is the height."""
+    """Width of the image, pixels, as is the height."""
     height: float
 
 
 class Prepared(NamedTuple):
-    """What the kernels of pixels read of N surfels."""
+    """Arrays of N surfels for the pixel kernels."""
 
     rows: np.ndarray
     """Float32, flat, ``COLUMNS`` a surfel."""
@@ -55,7 +55,7 @@ class Prepared(NamedTuple):
 
 
 class Canvas(NamedTuple):
-    """What the forward kernel writes of an image without geometry."""
+    """Outputs of the forward kernel for of an image without geometry."""
 
     image: np.ndarray
     """Float32 ``(H, W, channels)``."""
@@ -96,7 +96,7 @@ class Pairs(NamedTuple):
     """The pairs of surfels and tiles, and room for their gradients."""
 
     start: np.ndarray
-    """As in ``TileLists``."""
+    """See in ``TileLists``."""
     listed: np.ndarray
     """``TileLists.surfels``."""
     slots: np.ndarray
@@ -115,7 +115,7 @@ class Channels(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What the kernels of pixels know of N surfels."""
+    """Parameters of N surfels for the pixel kernels."""
 
     rows: np.ndarray
     """Float32 ``(N, COLUMNS)``, see ``_coefficients``."""
@@ -127,7 +127,7 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn, as contiguous arrays of one floating dtype."""
+    """Inputs of drawing, as contiguous arrays of one floating dtype."""
 
     centres: np.ndarray
     """Shape ``(N, 3)``; this and the next three as in ``Surfels``."""
@@ -140,7 +140,7 @@ class Scene:
     """Shape ``(N, 2)``, pixels."""
     camera: Camera
     shaped: bool
-    """Whether normals, depths and distortion are drawn as well."""
+    """True if normals, depths and distortion are drawn as well."""
 
     @property
     def discs(self) -> Discs:
@@ -167,7 +167,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Projected:
-    """What ``_project_forward.project`` writes, see there."""
+    """Outputs of ``_project_forward.project``, see there."""
 
     rows: np.ndarray
     bounds: np.ndarray
@@ -177,7 +177,7 @@ class Projected:
 
 @dataclass(frozen=True)
 class Lists:
-    """Which surfels touch which tiles."""
+    """Lists: which surfels touch which tiles."""
 
     tiles: TileLists
     slots: np.ndarray
@@ -199,7 +199,7 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True)
 class Drawn:
-    """What ``_forward.forward`` writes, see there."""
+    """Outputs of ``_forward.forward``, see there."""
 
     image: np.ndarray
     transmittance: np.ndarray
@@ -227,7 +227,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Slots:
-    """What ``_backward.backward`` writes, see there."""
+    """Outputs of ``_backward.backward``, see there."""
 
     geometry: np.ndarray
     channels: np.ndarray | None

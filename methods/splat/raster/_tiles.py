@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which surfels touch which tile, nearest first."""
+"""Tile lists: which surfels touch which tile, nearest first."""
 
 from typing import NamedTuple
 
@@ -12,9 +12,9 @@ from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, ru
 TILE = 16
 """Pixels on the side of a tile, which one thread draws at a time."""
 INDEX_BITS = 28
-"""Of a sorting key: the surfel. The depth has the rest."""
+"""Bits of a sorting key: the surfel. The depth has the rest."""
 PASS_BITS = 12
-"""Of the key, sorted at a time: as many piles fit the nearest cache."""
+"""Bits of the key, sorted at a time: as many piles fit the nearest cache."""
 
 
 class TileLists(NamedTuple):
@@ -33,9 +33,9 @@ class Tile(NamedTuple):
     """Its left-most column of pixels, as ``y`` is its upper-most row."""
     y: int
     first: np.int64
-    """Where the list begins."""
+    """Start of the list."""
     past: np.int64
-    """Where it has ended."""
+    """End of the list."""
 
 
 def tile_lists(bounds: np.ndarray, depths: np.ndarray, width: int, height: int) -> TileLists:
@@ -59,7 +59,9 @@ def tile_lists(bounds: np.ndarray, depths: np.ndarray, width: int, height: int) 
 
 
 def tiles_touched(bounds: np.ndarray) -> np.ndarray:
-    """Where each surfel's pairs begin if they are counted surfel by surfel, shape ``(N + 1,)``, int64."""
+    """Return where each surfel's pairs begin if they are counted surfel by surfel, shape ``(N + 1,)``,
+    int64.
+    """
     slots = np.empty(len(bounds) + 1, np.int64)
     _running_areas(bounds, slots)
     return slots

@@ -30,7 +30,7 @@ _VECTOR, _INT_VECTOR = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(_INT,
 _ROUNDER = 1.5 * 2**23
 """Added to a float32 of less than 2^22, it leaves the nearest integer in the lowest bits."""
 _EXP2 = (1.000000072, 0.6931469671, 0.2402211972, 0.05550713274, 0.009675541334, 0.001327647187)
-"""As in :func:`_simd.exp2`."""
+"""Return the same as in :func:`_simd.exp2`."""
 
 
 def _count(given: types.Type) -> int:
@@ -232,7 +232,8 @@ def lane_sums(typing: Any, vectors: types.Type) -> Any:
 
 @_instruction
 def lane_sums_of_halves(typing: Any, low: types.Type, high: types.Type) -> Any:
-    """As :func:`lane_sums` of two tuples of up to eight: the sums of the second begin at lane eight.
+    """Return the same as :func:`lane_sums` of two tuples of up to eight: the sums of the second begin at lane
+    eight.
 
     The second tuple may not be the longer one.
     """
@@ -250,7 +251,9 @@ def lane_sums_of_halves(typing: Any, low: types.Type, high: types.Type) -> Any:
 
 
 def _lane_sums(builder: ir.IRBuilder, partial: list[Any]) -> Any:
-    """Of sixteen vectors, some of them None, none of which faces another half of the list alone."""
+    """Return the sums of sixteen vectors, some of them None, none of which faces another half of the list
+    alone.
+    """
     while len(partial) > 1:
         half = len(partial) // 2
         pairs = zip(partial[:half], partial[half:], strict=True)

@@ -47,7 +47,8 @@ when it loads a function whose loop was loaded while it was compiled itself: a c
 
 _WORD, _POINTER = ir.IntType(64), ir.IntType(8).as_pointer()
 _CODE = ir.FunctionType(_WORD, [_WORD, _WORD, _POINTER])
-"""Of the code of a task: one if a part, of so many parts, failed on what is at an address, else zero."""
+"""Return the state of the code of a task: one if a part, of so many parts, failed on what is at an
+address, else zero."""
 
 
 @_instruction

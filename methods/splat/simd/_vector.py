@@ -74,7 +74,7 @@ def _splat(builder: ir.IRBuilder, scalar: Any) -> Any:
 
 
 def _address(context: Any, builder: ir.IRBuilder, signature: Any, arguments: Sequence[Any]) -> Any:
-    """Of the element at an offset (second argument) in an array (first argument)."""
+    """Return the address of the element at an offset (second argument) in an array (first argument)."""
     array = context.make_array(signature.args[0])(context, builder, arguments[0])
     offset = context.cast(builder, arguments[1], signature.args[1], types.intp)
     return builder.gep(array.data, [offset], inbounds=True)

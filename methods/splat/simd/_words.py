@@ -41,7 +41,7 @@ def lowest_bit(typing: Any, bits: types.Type) -> Any:
 
 @_instruction
 def bit_count(typing: Any, bits: types.Type) -> Any:
-    """How many of 64 bits are set."""
+    """Return how many of 64 bits are set."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return builder.ctpop(given[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which boxes a beam may touch: the rays of a packet, or one of them, as two wedges.
+"""Beams: which boxes a beam may touch: the rays of a packet, or one of them, as two wedges.
 
 Along the axis on which the rays advance the most, the other two coordinates of every ray lie between two
 straight lines. A box is left out where its rectangle, seen along one of those two axes, lies beside the
@@ -108,7 +108,7 @@ def beside(boxes, at, other, entry, leave, low, high, slope_low, slope_high):
 
 @njit(**INLINED, **BORROWING)
 def touched(boxes, group, beam):
-    """Which of sixteen boxes a beam may touch, as the bits of a number."""
+    """Return which of sixteen boxes a beam may touch, as the bits of a number."""
     at, axis = group * (BOX * LANES), beam.axis
     near = axis if beam.sign > 0 else 3 + axis
     far = 3 + axis if beam.sign > 0 else axis

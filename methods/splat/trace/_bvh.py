@@ -70,7 +70,7 @@ class Bvh:
 
 
 def bvh_of(surfels: Surfels) -> Bvh:
-    """What :func:`graycard.methods.splat.build_bvh` gives."""
+    """Result that :func:`graycard.methods.splat.build_bvh` gives."""
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
     geometry = _geometry(surfels)

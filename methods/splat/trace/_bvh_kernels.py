@@ -250,7 +250,9 @@ def surfel_gradient(geometry, n, total, to):
 
 @njit(**UNWRAPPED)
 def turn_gradient(rotations, n, over, total, to_rotations):
-    """Of a quaternion, from the pulls on the columns of its matrix; tangent to the sphere of rotations."""
+    """Return the gradient of a quaternion, from the pulls on the columns of its matrix; tangent to the
+    sphere of rotations.
+    """
     q = rotations[n]
     norm = sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
     w, x, y, z = q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm

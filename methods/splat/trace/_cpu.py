@@ -22,7 +22,7 @@ PARTS = 8
 KEPT = 128
 """Rows a packet that are kept for the backward pass, six bytes each: 48 bytes a ray in all."""
 SUMS_BYTES = 2**26
-"""What all sums together may take; with more surfels there are fewer parts, down to one."""
+"""Memory limit: all sums together may take; with more surfels there are fewer parts, down to one."""
 
 
 def trace_cpu(surfels: Surfels, rays: Rays, features: torch.Tensor, bvh: Bvh | None, near: float) -> Traced:
@@ -62,7 +62,7 @@ def trace_cpu(surfels: Surfels, rays: Rays, features: torch.Tensor, bvh: Bvh | N
 
 
 class _Plan(NamedTuple):
-    """What the kernels need and no gradient passes."""
+    """Arrays of the kernels without gradients, no gradient passes."""
 
     bvh: Bvh
     near: np.float32

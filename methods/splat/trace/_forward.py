@@ -17,7 +17,7 @@ BLOCK = 4
 RAY = 7
 """Numbers of a ray in a packet: origin, direction, and where it ends."""
 FAR = (RAY - 1) * LANES
-"""Where the last of them begins."""
+"""Start of the last of them."""
 CAPACITY = 256
 """Rows for which there is room at first; it is doubled as often as a packet needs."""
 
@@ -57,7 +57,9 @@ def read_rays(origins, directions, far, members, rays):
 
 @njit(**UNWRAPPED)
 def gather_all(tree, rays, near, search, hits):
-    """As ``gather``, with as much memory as it takes, and in order: the number of rows, and the rows."""
+    """Return the same as ``gather``, with as much memory as it takes, and in order: the number of rows,
+    and the rows.
+    """
     rows = gather(tree, rays, near, search, hits)
     while rows < 0:
         hits = new_hits(2 * hits.places.size)

@@ -62,7 +62,7 @@ class Hits(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What the backward pass need not look for again; a ``depth`` of 0 keeps nothing."""
+    """Hits that the backward pass need not look for again; a ``depth`` of 0 keeps nothing."""
 
     places: np.ndarray
     """int32 ``(packets, depth)``: as in ``Hits``, as are the next."""
@@ -88,7 +88,7 @@ class Asked(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What rays bring back, or its gradients: all float32."""
+    """Results of rays, or their gradients: all float32."""
 
     features: np.ndarray
     """Shape ``(R, C)``."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which lanes of a vector pass a test, as the bits of a whole number."""
+"""Bit masks: which lanes of a vector pass a test, as the bits of a whole number."""
 
 from collections.abc import Sequence
 from typing import Any

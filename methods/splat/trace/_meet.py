@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where rays meet discs: sixteen rays and one disc, or one ray and sixteen discs, are the same arithmetic."""
+"""Intersections of rays with discs: sixteen rays and one disc, or one ray and sixteen discs, are the same
+arithmetic.
+"""
 
 from math import log2
 
@@ -62,7 +64,7 @@ def dot(a, b):
 
 @njit(**INLINED, **BORROWING)
 def meet(record, ray):
-    """Where rays meet the planes of discs.
+    """Intersections of rays with the planes of discs.
 
     The point is found from the disc's centre, with one rounding of the sum: what remains of distances that
     are large beside the disc is as exact as they are.

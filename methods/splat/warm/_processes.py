@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which kernels are compiled already, and processes that compile the others.
+"""Compiled kernels: which kernels are compiled already, and processes that compile the others.
 
 Numba compiles in one thread at a time, and keeps what it compiled on disk. Processes of their own therefore
 compile, and this one loads what they kept.

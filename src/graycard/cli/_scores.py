@@ -25,7 +25,7 @@ class ScoreCommand:
     """
 
     predictions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PREDICTIONS")]
-    """The folder: docs/formats.md says what is in it."""
+    """The folder: docs/reference/formats.md says what is in it."""
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
@@ -86,7 +86,7 @@ def _conclude(sheet: ScoreSheet, terminal: Terminal) -> int:
         terminal.err.print(f"failed: {reason}")
     scored = sum(score.status == "scored" for score in scores)
     if not scored and not failed:
-        terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
+        terminal.err.print("nothing was scored: docs/reference/formats.md lists the layers that are")
     terminal.out.print(
         f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
         f"{len(scores) - scored - len(failed)} not provided"

@@ -160,8 +160,8 @@ def _read(source: Path, model: str | None) -> _Source:
         return _Source("colmap", colmap.shots, colmap.rows, colmap)
     raise DatasetError(
         f"expected a folder with {INDEX}, {TRAIN}, train_000/metadata.json or a COLMAP model in sparse/ at "
-        f"{source}, got {'none of them' if source.is_dir() else 'nothing'}. See docs/formats.md, or let "
-        "--find-cameras find the cameras of bare photographs"
+        f"{source}, got {'none of them' if source.is_dir() else 'nothing'}. See "
+        "docs/reference/formats.md, or let --find-cameras find the cameras of bare photographs"
     )
 
 

@@ -13,7 +13,7 @@ import msgspec
 from graycard.io._decode import RefusedError, UnknownKeyError
 
 _PLACE = re.compile(r"(?P<words>.*) - at (?:`key` in )?`\$(?P<path>[^`]*)`", re.DOTALL)
-"""As msgspec ends its messages: ``Expected `float`, got `str` - at `$.scores[3].value` ``."""
+"""Message as msgspec ends its messages: ``Expected `float`, got `str` - at `$.scores[3].value` ``."""
 _STEP = re.compile(r"\.(?P<name>\w+)|\[(?P<index>\d+)\]|\[(?P<any>\.\.\.)\]")
 _WORDS = {
     "float": "a number",

@@ -230,7 +230,7 @@ def end_of_links(path: Path) -> Path | None:
 
 
 def output_error(path: Path, cause: OSError) -> OutputError:
-    """What a user can do about a write that failed."""
+    """Return advice for a write that failed."""
     if cause.errno in _OUT_OF_SPACE:
         return OutputError(
             f"expected room to write {path}, got a full disk ({free_mib(path):.0f} MiB free). "

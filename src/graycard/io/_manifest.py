@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a dataset folder holds: format version, origin, and the SHA-256 of each file.
+"""Manifest of a dataset folder: format version, origin, and the SHA-256 of each file.
 
 The manifest is written last, so a folder without one is half-written and is never read as data.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much memory is touched at a time, and what becomes of it when it is freed."""
+"""Memory: how much is touched at a time, and what becomes of it when it is freed."""
 
 import contextlib
 import ctypes

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long work says how far it is, without knowing who listens."""
+"""Progress of work, reported through a callback."""
 
 from typing import Protocol, runtime_checkable
 

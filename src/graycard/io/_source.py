@@ -43,19 +43,19 @@ class Part:
     mentions: frozenset[str] = frozenset()
     """Strings that may name a module, as in a table of plug-ins."""
     loads: bool = False
-    """Whether it imports modules whose names are not written in it."""
+    """True if it imports modules whose names are not written in it."""
     reads: bool = False
-    """Whether it looks for files beside it."""
+    """True if it looks for files beside it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What there is to know of one file."""
+    """Facts about one file."""
 
     whole: Part
     own: Part
-    """Of a door, without its docstring and the imports of its top level: empty where it only re-exports. Of
-    any other module, the whole."""
+    """Source of a door, without its docstring and the imports of its top level: empty where it only
+    re-exports. Of any other module, the whole."""
     bound: Mapping[str, tuple[Import, ...]]
     """Imports by the name that they bind."""
 

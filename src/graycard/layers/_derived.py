@@ -28,7 +28,7 @@ def with_derived(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def glossy_mask(object_id: np.ndarray, roughness: np.ndarray, f0: np.ndarray) -> np.ndarray:
-    """Where reflections of things are seen in a surface: it has a specular lobe, and that is narrow.
+    """Return where reflections of things are seen in a surface: it has a specular lobe, and that is narrow.
 
     Args:
         object_id: Shape ``(H, W)``; 0 where nothing is seen.

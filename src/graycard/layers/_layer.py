@@ -14,7 +14,7 @@ RADIANCE = "W/m²/sr, scene-linear Rec.709"
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """What a named image holds.
+    """Contents of a named image.
 
     ``name`` may end in ``.<light>``: then there is one such image for each light of the scene.
     """
@@ -26,7 +26,7 @@ class Layer:
     meaning: str
     dtype: Literal["float32", "uint32"] = "float32"
     may_be_infinite: bool = False
-    """Whether +inf has a meaning (a depth where there is nothing)."""
+    """True if +inf has a meaning (a depth where there is nothing)."""
 
 
 def _rgb(name: str, unit: str, meaning: str) -> Layer:
@@ -42,7 +42,7 @@ _ESTIMATES = {
     "half_a": ("{unit}", "{stem} from one half of its samples"),
     "half_b": ("{unit}", "{stem} from the other half of its samples"),
 }
-"""What a last part of a name adds to any layer: its unit and its meaning."""
+"""Suffixes of layer names, each with its unit and its meaning."""
 
 _TABLE = (
     _rgb("radiance", RADIANCE, "light that arrives at the camera, averaged over the pixel (box filter)"),

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
-"""What the light of each source is divided into; ``<part>.<light>``."""
+"""Parts of the light of each source; ``<part>.<light>``."""
 LOBES = ("diffuse", "specular")
-"""What a surface returns light by; each is the sum of its direct and its indirect part."""
+"""Parts of the light of a surface; each is the sum of its direct and its indirect part."""
 _NO_LIGHT = frozenset({"var", "half_a", "half_b"})
 """Last parts of a name that say how well a layer is known."""
 

@@ -35,7 +35,7 @@ class Message:
 
     kind: str
     data: Any = None
-    """As in JSON."""
+    """Data as in JSON."""
     arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Numbers of any shape, by name."""
 

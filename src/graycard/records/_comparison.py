@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the scores of a run say about methods: means with intervals, differences, ties, scores too good."""
+"""Comparison of methods by the scores of a run: means with intervals, differences, ties, scores too good."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class MethodStanding:
 
     method: Label
     competes: bool
-    """Whether it was handed nothing beyond the capture; only such methods are ranked."""
+    """True if it was handed nothing beyond the capture; only such methods are ranked."""
     scenes: int
     """Number of scenes in the mean: those with a score from every seed."""
     expected: int
@@ -101,7 +101,7 @@ class AboveCeiling:
     unit: str
     """The metric's."""
     handed: tuple[str, ...]
-    """What the method was handed beyond the capture; where it is empty, truth has leaked."""
+    """Names of all that the method was handed beyond the capture; where it is empty, truth has leaked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +111,13 @@ class Comparison:
     suite: Name
     suite_version: int
     level: float
-    """Of all intervals, as in 0.95."""
+    """Level of all intervals, as in 0.95."""
     least_scenes: int
     """The fewest scenes with which the rank test of one pair can fall below 1 - level."""
     margins: Mapping[str, float]
     """By unit: how much above the ceiling is still put down to chance."""
     rule: str
-    """How verdicts and ranks are come by, in words for a reader."""
+    """Rule of verdicts and ranks, in words for a reader."""
     metrics: tuple[MetricComparison, ...]
     above_ceiling: tuple[AboveCeiling, ...] = ()
     against: str = ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run says about the claims of papers: a verdict for each, with everything that it follows from."""
+"""Verdicts of a run on the claims of papers: a verdict for each, with everything that it follows from."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -45,20 +45,20 @@ class CheckResult:
 
     id: str
     says: str
-    """What has to be seen, in words."""
+    """Expected observation, in words."""
     quantity: str
     """In words, as in ``Novel view PSNR``."""
     unit: str
-    """Of the effect; ``×`` where it is a ratio."""
+    """Unit of the effect; ``×`` where it is a ratio."""
     effect_of: str
-    """How the effect is made from rows, in words."""
+    """Making of the effect from rows, in words."""
     rule: str
-    """What makes it reproduced, in words; empty where the rule of the claim says all."""
+    """Condition for "reproduced", in words; empty where the rule of the claim says all."""
     verdict: ClaimVerdict
     reason: str
-    """What the verdict rests on, in words."""
+    """Basis of the verdict, in words."""
     decides: bool
-    """Whether it counts for the verdict of its claim, or is told beside it."""
+    """True if it counts for the verdict of its claim, or is told beside it."""
     scenes: Mapping[str, float] = field(default_factory=dict)
     """Effect by scene, the mean over seeds: above 0 (of a ratio: 1) as claimed, or by ``effect_of``."""
     estimate: float | None = None
@@ -86,9 +86,9 @@ class CheckResult:
     rows: tuple[RowMean, ...] = ()
     """Those compared."""
     bound: RowMean | None = None
-    """What is possible: the row that is handed truth."""
+    """Best possible row: the row that is handed truth."""
     trivial: RowMean | None = None
-    """What costs nothing."""
+    """Trivial row, which costs nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class ClaimResult:
     text: str
     """The verdict in a sentence or two."""
     rule: str
-    """How the verdict follows from the checks, in words."""
+    """Rule from checks to the verdict, in words."""
     checks: tuple[CheckResult, ...] = ()
     asked_by: Asker = "paper"
     """``graycard``: a question of ours, which no paper claims; it has words of its own."""
@@ -140,9 +140,9 @@ class ClaimResult:
     """Needs that would decide it, in words; empty for what is decided."""
     budget: Budget = field(default_factory=Budget)
     figures: Mapping[str, str] = field(default_factory=dict)
-    """Of the paper, by what they are of."""
+    """Figures of the paper, by name."""
     notes: tuple[str, ...] = ()
-    """What differs here from the paper."""
+    """Differences from the paper."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ class PaperResult:
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """What a run says of the claims of papers: ``claims.json``."""
+    """Verdicts of a run on the claims of papers: ``claims.json``."""
 
     suite: str
     """Empty where no run was judged but papers' tables against themselves."""
@@ -167,11 +167,11 @@ class Ledger:
     run_sha256: str
     """Hash of ``run.json``; empty without a run."""
     level: float
-    """Of all intervals, as in 0.95."""
+    """Level of all intervals, as in 0.95."""
     rules: Mapping[str, str]
-    """What each rule asks for, by its name."""
+    """Meaning of each rule, by its name."""
     methods: Mapping[str, str]
-    """What each row of the run is, with its settings, by its label."""
+    """Method and settings of each row, by its label."""
     papers: tuple[PaperResult, ...]
     edition: Edition | None = None
     """Tag of the code and of these claims, for a run on sealed scenes."""

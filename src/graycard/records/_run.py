@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a score and a run are on disk: every number with its protocol, its counts and its origin."""
+"""Scores and runs on disk: every number with its protocol, its counts and its origin."""
 
 import gc
 from collections.abc import Iterator, Mapping
@@ -124,28 +124,28 @@ class Job:
     settings: Mapping[str, Any]
     """The method's settings, resolved."""
     entry: str = ""
-    """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one. Empty where
+    """Entry point: a name in the registry, or ``module:attribute``; two rows may share one. Empty where
     predictions of other code were submitted."""
     priors: Mapping[str, Any] = field(default_factory=dict)
-    """Where the answers of priors come from, resolved; empty for a method that asks for none."""
+    """Resolved source of priors; empty for a method that asks for none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a job took."""
+    """Cost of a job."""
 
     wall_s: float
     peak_memory_mib: float
     counts: Mapping[str, float] = field(default_factory=dict)
-    """What the method itself counts for one held-out view, the mean over them, as ``light evaluations``."""
+    """Counts by the method itself for one held-out view, the mean over them, as ``light evaluations``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What a fit could see: the evidence that no truth was read."""
+    """Access of a fit: the evidence that no truth was read."""
 
     guard: str
-    """How truth was closed to the method's process, and the version of that way."""
+    """Way in which truth was closed to the method's process, and the version of that way."""
     capture_sha256: str
     """Hash of the manifest of the capture that was copied for the fit."""
     handed: tuple[str, ...] = ()
@@ -161,7 +161,7 @@ class Access:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """How a job ended."""
+    """End of a job."""
 
     job: Job
     job_hash: str
@@ -173,8 +173,8 @@ class JobResult:
     sheet: ScoreSheet | None = None
     cost: Cost | None = None
     access: Access | None = None
-    """What the fit could see; None in the record of a graycard that did not close the truth, and, as
-    ``cost``, where predictions of other code were submitted."""
+    """Access of the fit; None in the record of a graycard that did not close the truth, and, as ``cost``,
+    where predictions of other code were submitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +192,7 @@ class SceneRecord:
     title: str
     """One line that says what is to be seen."""
     knobs: Mapping[str, Any] = field(default_factory=dict)
-    """What makes it easy or hard, all of the family's; empty in the record of an older graycard."""
+    """Knobs that make it easy or hard, all of the family's; empty in the record of an older graycard."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,30 +204,32 @@ class MethodRecord:
     summary: str
     """One sentence."""
     sees: tuple[str, ...]
-    """What it is handed beyond the capture; empty for a method that competes."""
+    """Names of all that it is handed beyond the capture; empty for a method that competes."""
     entry: str = ""
-    """What is loaded: a name in the registry, or ``module:attribute``; empty as in :class:`Job`."""
+    """Entry point: a name in the registry, or ``module:attribute``; empty as in :class:`Job`."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline that is made of this run."""
     predictions: str = ""
     """The folder from which predictions of other code were taken; empty for a method that was fitted."""
+    tracks: tuple[str, ...] = ()
+    """Tracks that the row runs on; all if empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class MetricRecord:
-    """What a metric means, for the reader of a table."""
+    """Description of a metric, for the reader of a table."""
 
     id: Label
     title: str
     """Short, for a table head."""
     group: str
-    """Which part of the decomposition it judges, as in ``albedo``."""
+    """Group: part of the decomposition it judges, as in ``albedo``."""
     unit: str
     higher_is_better: bool
     optimum: float
     formula: str
     headline: bool
-    """Whether it stands in the leaderboard."""
+    """True if it stands in the leaderboard."""
     tolerance: float
     """By how much a score may get worse before the gate calls it a regression, in ``unit``."""
     ignores: tuple[Invariance, ...] = ()
@@ -250,7 +252,8 @@ class RunRecord:
     """UTC, ISO 8601."""
     wall_s: float
     suite_sha256: str = ""
-    """Of ``suite.json``, the whole suite that was run, or run a part of; empty in records from before it."""
+    """SHA-256 of ``suite.json``, the whole suite that was run, or run a part of; empty in records from
+    before it."""
     budget: float = 1.0
     """Factor on the iterations of all fits, beside what the suite asks for."""
     edition: Edition | None = None
@@ -274,10 +277,14 @@ class RunRecord:
         )
 
     def rows_on(self, scene: SceneRecord) -> tuple[str, ...]:
-        """Return the rows that were to be fitted on a scene: all, but on one that a later look added."""
+        """Return the rows that were to be fitted on a scene.
+
+        These are all that run on its track, but on a scene that a later look added those of that look.
+        """
         made = self.looks.made if self.looks else ()
         added = (look.rows for look in made[1:] if f"{scene.track}/{scene.scene}" in look.scenes)
-        return next(added, tuple(method.name for method in self.methods))
+        own = {m.name for m in self.methods if not m.tracks or scene.track in m.tracks}
+        return tuple(row for row in next(added, tuple(m.name for m in self.methods)) if row in own)
 
     def variants_on(self, track: str) -> frozenset[str]:
         """Rows of a track that are a method with settings of their own, while it stands there as itself."""

@@ -89,7 +89,7 @@ def _shape(rng: np.random.Generator, kind: str, width: float, depth: float, heig
 
 
 def _glassware(rng: np.random.Generator, kind: str, slim: float, height: float) -> Mesh:
-    """What is turned on a lathe, in reality too, and instruments of glass and steel."""
+    """Goods that are turned on a lathe, in reality too, and instruments of glass and steel."""
     match kind:
         case "jar":
             return props.jar(min(height, 0.8 * slim), 0.36 * slim)

@@ -25,7 +25,7 @@ class Piece:
     shape: Mesh
     color: Texture
     glazed: bool = False
-    """Whether it is glazed where the family glazes anything."""
+    """True if it is glazed where the family glazes anything."""
 
     @property
     def reach(self) -> float:
@@ -46,7 +46,7 @@ def target_of(seed: int, size: float) -> Piece:
 
 
 def others_of(seed: int, count: int) -> list[Piece]:
-    """As many other objects, no kind twice; one more leaves those that were there as they were."""
+    """Return so many other objects, no kind twice; one more leaves those that were there as they were."""
     kinds = stream(seed, "objects").permutation(len(_OTHERS))[:count]
     return [_OTHERS[kind](stream(seed, f"object {kind}")) for kind in kinds]
 
@@ -54,7 +54,7 @@ def others_of(seed: int, count: int) -> list[Piece]:
 def places(
     seed: int, target: float, others: Sequence[float], viewed_from: float, occlusion: float
 ) -> list[tuple[float, float]]:
-    """Where objects stand, so that none touches another: the target near the middle, then the others.
+    """Return where objects stand, so that none touches another: the target near the middle, then the others.
 
     A share ``occlusion`` of the others stands on the side of the cameras; each is pushed outwards from the
     target until it is clear of all before it, and the clearance shrinks as ``occlusion`` grows.

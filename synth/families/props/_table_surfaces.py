@@ -9,10 +9,11 @@ import numpy as np
 from graycard.synth._mesh import Mesh, box, lathe, turn_about_z
 
 HEIGHT = 0.75
-"""Of the highest point of each surface, metres."""
+"""Height of the highest point of each surface, metres."""
 
 _SOLE = 0.004
-"""What lies no higher above an object's lowest point belongs to the sole that it stands on, metres."""
+"""Tolerance: what lies no higher above an object's lowest point belongs to the sole that it stands on,
+metres."""
 
 
 class Surface(Protocol):
@@ -23,7 +24,7 @@ class Surface(Protocol):
         ...
 
     def foot(self) -> Mesh:
-        """What carries the board."""
+        """Support of the board."""
         ...
 
     def stand(self, shape: Mesh, x: float, y: float, turn: float) -> Mesh:

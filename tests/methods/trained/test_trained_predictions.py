@@ -75,7 +75,7 @@ def scored(predictions: Path, scene: Path) -> float:
 
 
 def write_pictures(folder: Path, capture: Capture, draw: Callable[[Camera], torch.Tensor]) -> Path:
-    """Write predictions of encoded pictures, by nothing but the rules of docs/formats.md."""
+    """Write predictions of encoded pictures, by nothing but the rules of docs/reference/formats.md."""
     for view in capture.views:
         radiance = srgb_decode_tensor(draw(view.camera)) / capture.exposure
         write_view(folder, view.name, {"radiance": radiance.numpy()})

@@ -20,6 +20,7 @@ from graycard.cli._warnings import run_lines
 from graycard.cli.adoption._captures import refuse_scenes
 from graycard.cli.benches._lines import failures as failed_lines
 from graycard.cli.benches._lines import left_out, show_looks
+from graycard.cli.benches._standings import show_standings
 from graycard.io import Progress, lock_words
 from graycard.records import RunRecord
 
@@ -114,6 +115,7 @@ class BenchCommand:
         for line in failures:
             terminal.err.print(f"failed: {line}")
         lost = show_looks(record.looks, len(record.scenes), terminal) if record.looks else False
+        show_standings(run, record, terminal)
         terminal.out.print(
             f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
             f"report: {report.resolve()}"
