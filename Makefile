@@ -106,5 +106,5 @@ clean:
 	touch $@ .venv/installed
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,dev]'
-	touch $@ .venv/installed .venv/installed-test
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,dev,docs]'
+	touch $@ .venv/installed .venv/installed-test .venv/installed-docs

@@ -11,7 +11,7 @@ from graycard.methods import Changes, Composable, Composed, Decomposition, Relig
 
 
 def changes_for(decomposition: Decomposition, capture: Capture, scene: Path) -> Changes:
-    """Changes that a fitted method shows besides the scene as it is, as far as it can.
+    """Return changes that a fitted method shows besides the scene as it is, as far as it can.
 
     Args:
         decomposition: What was fitted.
@@ -92,7 +92,7 @@ def _relighting(truth: Truth, folder: Path) -> dict[str, tuple[Light, ...]]:
 
 
 def _copied(light: Light, source: Path, folder: Path) -> Light:
-    """The light with its image, if it has one, in a folder."""
+    """Return the light with its image, if it has one, in a folder."""
     if not isinstance(light, EnvironmentLight):
         return light
     original = inside(source, light.image, error=DatasetError)

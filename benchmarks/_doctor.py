@@ -39,7 +39,7 @@ class Finding:
 
 
 def findings(folder: Path) -> list[Finding]:
-    """Renderer, processor, GPU, weights, sandbox and disk, without loading a renderer or torch.
+    """Return Renderer, processor, GPU, weights, sandbox and disk, without loading a renderer or torch.
 
     Args:
         folder: Where runs would go.

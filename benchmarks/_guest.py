@@ -44,7 +44,7 @@ def check_donor(scene: Path, donor: Path) -> None:
 
 
 def guest_of(donor: Path, capture: Capture, composition: Composition, fit: Fit) -> Guest | None:
-    """The object as a method has fitted it.
+    """Return the object as a method has fitted it.
 
     Args:
         donor: ``DATASET/<track>/<scene>`` that it comes from.

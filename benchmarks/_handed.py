@@ -28,7 +28,7 @@ _OF_RUNS = (
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """A temporary folder, which goes with the block.
+    """Return a temporary folder, which goes with the block.
 
     Raises:
         OutputError: There is no room for it.

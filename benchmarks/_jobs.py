@@ -171,7 +171,7 @@ def run_score(job: FitJob) -> Outcome:
 
 
 def find_rendered(job: RenderJob) -> Outcome | None:
-    """The folder of a scene that is rendered and intact; None if there is work to do."""
+    """Return the folder of a scene that is rendered and intact; None if there is work to do."""
     try:
         folder = find_scene(job.spec, job.settings, job.dataset)
     except GraycardError as error:
@@ -180,7 +180,7 @@ def find_rendered(job: RenderJob) -> Outcome | None:
 
 
 def find_fit(job: FitJob) -> Outcome | None:
-    """The outcome of a fit that has been done and whose predictions are intact; else None."""
+    """Return the outcome of a fit that has been done and whose predictions are intact; else None."""
     done = _read_or_none(Done, job.folder / DONE)
     if done is None or done.job_hash != job.job_hash:
         return None
@@ -194,7 +194,10 @@ def find_fit(job: FitJob) -> Outcome | None:
 
 
 def find_scores(job: FitJob) -> Outcome | None:
-    """The scores of exactly these predictions, this truth and these metrics; None if there are none."""
+    """Return the scores of exactly these predictions, this truth and these metrics.
+
+    None if there are none.
+    """
     scored = _read_or_none(Scored, job.folder / SCORES)
     if scored is None or scored.key != _score_key(job):
         return None
@@ -202,13 +205,13 @@ def find_scores(job: FitJob) -> Outcome | None:
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:
-    """Inputs of scores: the code that makes them, the predictions, the truth, the protocols."""
+    """Return inputs of scores: the code that makes them, the predictions, the truth, the protocols."""
     truth = sha256(job.scene / "truth" / "manifest.json")
     return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 
 
 def _read_or_none(cls: type[R], path: Path) -> R | None:
-    """A record, or None where there is none that can be used: then the work is done again."""
+    """Return a record, or None where there is none that can be used: then the work is done again."""
     try:
         return from_builtins(cls, read_json(path))
     except GraycardError:
@@ -229,7 +232,10 @@ def _threads(count: int) -> AbstractContextManager[Any]:
 
 
 def guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
-    """The outcome of some work, or of its failure; the traceback of what is not ours goes to ``log``."""
+    """Return the outcome of some work, or of its failure.
+
+    The traceback of what is not ours goes to ``log``.
+    """
     try:
         return work()
     except OutputError as error:

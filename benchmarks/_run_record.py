@@ -44,7 +44,7 @@ def _tidy(run: Path, dataset: Path) -> None:
 
 
 def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
-    """A method as a suite names it, with the settings that it changes."""
+    """Return a method as a suite names it, with the settings that it changes."""
     changes = [f"{name} {value}" for name, value in method.settings.items()]
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
@@ -61,7 +61,7 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
-    """A rendered scene, with the hash of its truth and the knobs that it was made with."""
+    """Return a rendered scene, with the hash of its truth and the knobs that it was made with."""
     truth = manifest_of(open_truth(folder / "truth", check=False))
     return SceneRecord(
         track=spec.track,
@@ -97,7 +97,7 @@ def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -
 
 
 def renderers(scenes: list[tuple[SceneSpec, Path]]) -> list[Any]:
-    """The renderers that made the scenes, each once."""
+    """Return the renderers that made the scenes, each once."""
     found = [manifest_of(open_truth(folder / "truth", check=False)).generator for _, folder in scenes]
     return [g for i, g in enumerate(found) if g not in found[:i]]
 
@@ -158,7 +158,8 @@ def _kind(suite: str, version: int, budget: float, edition: Edition | None) -> s
 
 
 def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
-    """A record with those results of an earlier one that this one has not, on scenes that are the same.
+    """Return a record with those results of an earlier one that this one has not, on scenes that are the
+    same.
 
     Of a row that is now another method, or of predictions in another folder, nothing is kept.
 

@@ -26,7 +26,9 @@ class Given:
 
 
 def given_for(folder: str, track: str, scene: str) -> Given:
-    """The predictions of one scene in a folder of those of many; whether there are any shows in the job."""
+    """Return the predictions of one scene in a folder of those of many; whether there are any shows in the
+    job.
+    """
     place = Path(folder).expanduser() / track / scene
     try:
         return Given(place, _digest(_hashes(place)))

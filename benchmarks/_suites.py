@@ -163,7 +163,7 @@ def suite_names() -> list[str]:
 
 
 def suite_path(name: str) -> Path:
-    """The file of a suite, or the path itself if it ends in ``.toml``.
+    """Return the file of a suite, or the path itself if it ends in ``.toml``.
 
     Raises:
         UnknownNameError: There is no such file.
@@ -175,7 +175,7 @@ def suite_path(name: str) -> Path:
 
 
 def load_suite(name: str) -> Suite:
-    """The suite of a name, or of a path that ends in ``.toml``.
+    """Return the suite of a name, or of a path that ends in ``.toml``.
 
     Raises:
         UnknownNameError: There is none of this name, or it names a track that does not exist.
@@ -189,7 +189,7 @@ def load_suite(name: str) -> Suite:
 
 
 def check_track(name: str) -> str:
-    """The name, if it is a track.
+    """Return the name, if it is a track.
 
     Raises:
         UnknownNameError: It is none.
@@ -200,7 +200,7 @@ def check_track(name: str) -> str:
 
 
 def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()) -> Suite:
-    """The part of a suite on some tracks, with some methods; a method need not be in the suite.
+    """Return the part of a suite on some tracks, with some methods; a method need not be in the suite.
 
     Args:
         suite: The whole.
@@ -227,12 +227,12 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
 
 
 def scaled_iterations(iterations: int, budget: float) -> int:
-    """The iterations of a fit at a budget: at least one."""
+    """Return the iterations of a fit at a budget: at least one."""
     return max(1, round(iterations * budget))
 
 
 def opened(suite: Suite) -> Suite:
-    """The suite with its sealed scenes in place of its own.
+    """Return the suite with its sealed scenes in place of its own.
 
     Raises:
         RecordError: It has none.
@@ -246,7 +246,7 @@ def opened(suite: Suite) -> Suite:
 
 
 def with_secret(suite: Suite, salt: Salt) -> Suite:
-    """The suite with its secret scenes behind its own.
+    """Return the suite with its secret scenes behind its own.
 
     Raises:
         RecordError: It has none, or the salt is another.
@@ -259,13 +259,13 @@ def with_secret(suite: Suite, salt: Salt) -> Suite:
 
 
 def public(suite: Suite) -> Suite:
-    """The suite as everybody may know it: without the scenes that a salt has opened."""
+    """Return the suite as everybody may know it: without the scenes that a salt has opened."""
     scenes = tuple(scene for scene in suite.scenes if not isinstance(scene, SecretSpec))
     return replace(suite, scenes=scenes)
 
 
 def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:
-    """A suite with rows of predictions that other code has made.
+    """Return a suite with rows of predictions that other code has made.
 
     Args:
         suite: What the rows are added to.
@@ -296,6 +296,8 @@ def _taken(name: str) -> str:
 
 
 def _named(suite: Suite, name: str) -> list[SuiteMethod]:
-    """The row of that name; without one all rows of that method; without any the method with its defaults."""
+    """Return the row of that name; without one all rows of that method; without any the method with its
+    defaults.
+    """
     rows = [m for m in suite.methods if m.row == name] or [m for m in suite.methods if m.name == name]
     return rows or [SuiteMethod(name)]

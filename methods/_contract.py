@@ -60,7 +60,7 @@ class Decomposition(Protocol):
         ...
 
     def lights(self) -> tuple[Light, ...] | None:
-        """The lights that were found; None if the method does not look for lights."""
+        """Return the lights that were found; None if the method does not look for lights."""
         ...
 
     def save(self, folder: Path) -> None:
@@ -77,7 +77,7 @@ class Surrounded(Protocol):
     """A decomposition with environments among its lights."""
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The image of one of its lights, ``(H, W, 3)``, latitude-longitude, W/m²/sr."""
+        """Return the image of one of its lights, ``(H, W, 3)``, latitude-longitude, W/m²/sr."""
         ...
 
 
@@ -86,7 +86,7 @@ class Relightable(Protocol):
     """A decomposition whose lights can be exchanged."""
 
     def relight(self, lights: tuple[Light, ...]) -> Decomposition | None:
-        """The same scene under other lights.
+        """Return the same scene under other lights.
 
         Args:
             lights: All lights that shine then, in true units; the ``image`` of an environment is the full
@@ -118,7 +118,7 @@ class Composable(Protocol):
     """A decomposition into which an object of another scene can be put."""
 
     def compose(self, composition: Composition, guest: Guest | None = None) -> Decomposition | None:
-        """The same scene with an object of another one in it, lit by the lights of this one.
+        """Return the same scene with an object of another one in it, lit by the lights of this one.
 
         Args:
             composition: Which object of which scene, and where it is put.
@@ -136,7 +136,7 @@ class Removable(Protocol):
     """A decomposition from which an object can be taken away."""
 
     def remove(self, object_id: int) -> Decomposition:
-        """The same scene without an object, its shadow and its reflection."""
+        """Return the same scene without an object, its shadow and its reflection."""
         ...
 
 
@@ -188,7 +188,7 @@ class Method(Protocol):
         ...
 
     def load(self, folder: Path) -> Decomposition:
-        """A decomposition that ``save`` wrote.
+        """Return a decomposition that ``save`` wrote.
 
         Raises:
             MethodError: It is missing, damaged, or was written by another method.

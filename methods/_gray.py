@@ -39,7 +39,7 @@ class Gray:
         return frozenset({"base_color", "normal", "radiance"})
 
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """The constants, for any camera.
+        """Return the constants, for any camera.
 
         Raises:
             MethodError: A layer is not provided.
@@ -82,7 +82,7 @@ class GrayMethod:
         return Gray(settings.reflectance, (red, green, blue))
 
     def load(self, folder: Path) -> Gray:
-        """A saved decomposition.
+        """Return a saved decomposition.
 
         Raises:
             MethodError: It is missing, damaged, or of another method.

@@ -33,7 +33,7 @@ class InputMethod:
         return Lookup("input", {key: _undivided(image, capture.exposure) for key, image in taken.items()})
 
     def load(self, folder: Path) -> Lookup:
-        """A saved decomposition.
+        """Return a saved decomposition.
 
         Raises:
             MethodError: It is missing, damaged, or of another method.
@@ -42,5 +42,5 @@ class InputMethod:
 
 
 def _undivided(image: np.ndarray, exposure: float) -> dict[str, np.ndarray]:
-    """The layers of a photograph of which nothing is known."""
+    """Return the layers of a photograph of which nothing is known."""
     return {"base_color": image * exposure, "diffuse": image, "specular": np.zeros_like(image)}

@@ -33,7 +33,7 @@ class Lookup:
         return frozenset.intersection(*(frozenset(known) for known in self.images.values()))
 
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """The stored layers of exactly this camera.
+        """Return the stored layers of exactly this camera.
 
         Raises:
             MethodError: The camera is none of the capture's, or a layer is not provided.
@@ -48,11 +48,11 @@ class Lookup:
         return {name: known[name] for name in layers}
 
     def lights(self) -> tuple[Light, ...] | None:
-        """The lights that were handed in."""
+        """Return the lights that were handed in."""
         return self.found_lights
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The image of one of :meth:`lights`.
+        """Return the image of one of :meth:`lights`.
 
         Raises:
             MethodError: It was not handed in.
@@ -72,7 +72,7 @@ class Lookup:
 
 
 def pack(lookup: Lookup) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The facts and arrays of a lookup, for :func:`graycard.methods._store.store`."""
+    """Return the facts and arrays of a lookup, for :func:`graycard.methods._store.store`."""
     arrays = {f"{key}/{name}": a for key, known in lookup.images.items() for name, a in known.items()}
     arrays |= {f"{_SURROUNDINGS}/{name}": image for name, image in lookup.environments.items()}
     lights = None if lookup.found_lights is None else [light_to_json(x) for x in lookup.found_lights]
@@ -80,7 +80,7 @@ def pack(lookup: Lookup) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def unpack(method: str, facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Lookup:
-    """The lookup that was packed."""
+    """Return the lookup that was packed."""
     images: dict[str, dict[str, np.ndarray]] = {}
     environments: dict[str, np.ndarray] = {}
     for key, values in arrays.items():
@@ -93,7 +93,7 @@ def unpack(method: str, facts: Mapping[str, Any], arrays: Mapping[str, np.ndarra
 
 
 def load_lookup(folder: Path, method: str) -> Lookup:
-    """A lookup that was saved.
+    """Return a lookup that was saved.
 
     Raises:
         MethodError: It is missing, damaged, or of another method.
@@ -103,7 +103,7 @@ def load_lookup(folder: Path, method: str) -> Lookup:
 
 
 def photographs(capture: Capture, priors: Priors) -> dict[str, np.ndarray]:
-    """The linear photograph of every view by the digest of its camera, held-out views included.
+    """Return the linear photograph of every view by the digest of its camera, held-out views included.
 
     Args:
         capture: Gives the photographs of the training views.

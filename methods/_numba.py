@@ -117,7 +117,7 @@ def _imported_files(path: Path) -> tuple[Path, ...]:
 
 @cache
 def _file_of(module: str) -> Path | None:
-    """The source file of a module of graycard by its dotted name; None for anything else."""
+    """Return the source file of a module of graycard by its dotted name; None for anything else."""
     inside = module.startswith(f"{METHODS}.")
     package = METHODS if inside else METHODS.partition(".")[0]
     base = package_folder(package).joinpath(*module.removeprefix(package).split(".")[1:])

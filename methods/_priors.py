@@ -73,7 +73,7 @@ class PriorModel(Protocol):
     """Whatever answers: the truth through a corruption, a classical algorithm, a network."""
 
     def answer(self, question: Question) -> np.ndarray:
-        """The answer, unchecked."""
+        """Return the answer, unchecked."""
         ...
 
 
@@ -136,7 +136,7 @@ class Priors:
             raise self._lack_of(kind)
 
     def layer(self, view: str, name: str) -> np.ndarray:
-        """The true array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
+        """Return the true array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
 
         Raises:
             MethodError: It was not handed in.
@@ -154,11 +154,11 @@ class Priors:
         return self._ask(Question("depth", view, image))
 
     def normal(self, image: np.ndarray, view: View) -> np.ndarray:
-        """Unit normals, shape ``(H, W, 3)``, world, outward; zero where there is nothing."""
+        """Return unit normals, shape ``(H, W, 3)``, world, outward; zero where there is nothing."""
         return self._ask(Question("normal", view, image))
 
     def base_color(self, image: np.ndarray, view: View) -> np.ndarray:
-        """Base colour, shape ``(H, W, 3)``, linear, [0, 1]; its scale may differ from view to view."""
+        """Return base colour, shape ``(H, W, 3)``, linear, [0, 1]; its scale may differ from view to view."""
         return self._ask(Question("base_color", view, image))
 
     def roughness(self, image: np.ndarray, view: View) -> np.ndarray:
@@ -176,7 +176,7 @@ class Priors:
         return self._ask(Question("mask", view, image, of))
 
     def inpainting(self, image: np.ndarray, view: View, hole: np.ndarray, of: str = "radiance") -> np.ndarray:
-        """An image whose hole is filled in; outside it is as it was.
+        """Return an image whose hole is filled in; outside it is as it was.
 
         Channels may be filled in each by itself: whoever hands in normals makes them of unit length again.
 
@@ -195,7 +195,7 @@ class Priors:
         return np.where(inside, filled, image)
 
     def light(self) -> Lamp:
-        """The lamp on the camera as its calibration says: in camera axes, metres and W/sr.
+        """Return the lamp on the camera as its calibration says: in camera axes, metres and W/sr.
 
         Raises:
             MethodError: There is no calibration, or it is of a lamp that stands in the room.
@@ -217,7 +217,7 @@ class Priors:
         )
 
     def _ask(self, question: Question) -> np.ndarray:
-        """The checked answer to a checked question."""
+        """Return the checked answer to a checked question."""
         if question.kind not in self.models:
             raise self._lack_of(question.kind)
         _check_image(question)

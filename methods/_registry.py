@@ -97,7 +97,7 @@ def _offered(places: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 
 def load_method(name: str) -> Method:
-    """The method of a registered name or of ``module:attribute``.
+    """Return the method of a registered name or of ``module:attribute``.
 
     A module that is named outright is also looked for in the working directory.
 
@@ -126,7 +126,7 @@ def listings() -> list[Listing]:
 
 
 def settings_of(method: Method, changes: Mapping[str, Any]) -> Any:
-    """The method's settings with some changed.
+    """Return the method's settings with some changed.
 
     Raises:
         UnknownNameError: A name is no setting.

@@ -67,7 +67,7 @@ class RetinexMethod:
         return Lookup("retinex", images)
 
     def load(self, folder: Path) -> Lookup:
-        """A saved decomposition.
+        """Return a saved decomposition.
 
         Raises:
             MethodError: It is missing, damaged, or of another method.
@@ -76,7 +76,7 @@ class RetinexMethod:
 
 
 def split(image: np.ndarray, settings: RetinexSettings) -> np.ndarray:
-    """The albedo of one photograph.
+    """Return the albedo of one photograph.
 
     The log albedo of each channel is the least-squares solution whose steps are those of the log image
     where they are paint and 0 where they are shading.
@@ -95,7 +95,7 @@ def split(image: np.ndarray, settings: RetinexSettings) -> np.ndarray:
 
 
 def integrate_steps(across: np.ndarray, down: np.ndarray) -> np.ndarray:
-    """The image whose steps come closest to the given ones in least squares; each channel has mean 0.
+    """Return the image whose steps come closest to the given ones in least squares; each channel has mean 0.
 
     Solves the Poisson equation with free borders exactly, by the cosine transform.
 
@@ -118,7 +118,7 @@ def integrate_steps(across: np.ndarray, down: np.ndarray) -> np.ndarray:
 
 
 def _paint_steps(steps: np.ndarray, settings: RetinexSettings) -> np.ndarray:
-    """The steps that are paint, others 0; shape ``(H, W, 3)``."""
+    """Return the steps that are paint, others 0; shape ``(H, W, 3)``."""
     brightness = steps.mean(axis=-1)
     chromaticity = np.linalg.norm(steps - brightness[..., None], axis=-1)
     paint = (np.abs(brightness) > settings.brightness_step) | (chromaticity > settings.colour_step)

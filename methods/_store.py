@@ -37,7 +37,7 @@ def store(folder: Path, method: str, facts: Mapping[str, Any], arrays: Mapping[s
 
 
 def restore(folder: Path, method: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The facts and arrays that :func:`store` wrote.
+    """Return the facts and arrays that :func:`store` wrote.
 
     Raises:
         MethodError: They are missing, damaged, or of another method.

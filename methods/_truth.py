@@ -43,7 +43,7 @@ class TrueDecomposition:
         return frozenset(name for name in self.known.provides if not name.startswith("counterfactual."))
 
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """True layers of a camera of the scene.
+        """Return true layers of a camera of the scene.
 
         Raises:
             MethodError: The camera is none of the scene's, or a layer is not provided.
@@ -51,11 +51,11 @@ class TrueDecomposition:
         return self.known.render(camera, layers)
 
     def lights(self) -> tuple[Light, ...] | None:
-        """The exact lights."""
+        """Return the exact lights."""
         return self.known.lights()
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The exact image of an environment.
+        """Return the exact image of an environment.
 
         Raises:
             MethodError: It is none of the scene's.
@@ -63,7 +63,7 @@ class TrueDecomposition:
         return self.known.environment(light)
 
     def remove(self, object_id: int) -> Lookup:
-        """The scene as it was rendered without its target.
+        """Return the scene as it was rendered without its target.
 
         Raises:
             MethodError: The object is not the target: the scene was not rendered without it.
@@ -74,11 +74,14 @@ class TrueDecomposition:
         return Lookup(self.known.method, images, self.known.found_lights)
 
     def relight(self, lights: tuple[Light, ...]) -> Lookup | None:
-        """The scene as it was rendered under other lights; None for lights it was not rendered under."""
+        """Return the scene as it was rendered under other lights.
+
+        None for lights it was not rendered under.
+        """
         return self._after(_digest_of_lights(lights))
 
     def compose(self, composition: Composition, guest: Guest | None = None) -> Lookup | None:
-        """The scene as it was rendered with an object put in; None for another object or place."""
+        """Return the scene as it was rendered with an object put in; None for another object or place."""
         del guest  # what the scene looks like with it is known
         return self._after(_digest(to_builtins(composition)))
 
@@ -125,7 +128,7 @@ class TruthMethod:
         return TrueDecomposition(known, capture.target, _changed(capture, priors))
 
     def load(self, folder: Path) -> TrueDecomposition:
-        """A saved oracle.
+        """Return a saved oracle.
 
         Raises:
             MethodError: It is missing, damaged, or of another method.
@@ -135,7 +138,7 @@ class TruthMethod:
 
 
 def _restored(facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> TrueDecomposition:
-    """The oracle that was saved."""
+    """Return the oracle that was saved."""
     stored = {name: a for name, a in arrays.items() if name.startswith(f"{_CHANGED}/")}
     known = unpack("truth", facts, {name: a for name, a in arrays.items() if name not in stored})
     changed: dict[str, dict[str, np.ndarray]] = {}
@@ -146,7 +149,7 @@ def _restored(facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Tru
 
 
 def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray]]:
-    """The true pictures of each change, as :attr:`TrueDecomposition.changed` keeps them."""
+    """Return the true pictures of each change, as :attr:`TrueDecomposition.changed` keeps them."""
     pictures = {_digest_of_lights(relit.lights): relit.radiance for relit in priors.relighting}
     if priors.composition is not None:
         pictures[_digest(to_builtins(priors.composition.composition))] = priors.composition.radiance
@@ -158,7 +161,7 @@ def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray
 
 
 def _digest_of_lights(lights: Sequence[Light]) -> str:
-    """The same for the same lights, wherever the images of environments lie."""
+    """Return the same for the same lights, wherever the images of environments lie."""
     named = (
         replace(light, image=sha256(Path(light.image))) if isinstance(light, EnvironmentLight) else light
         for light in lights

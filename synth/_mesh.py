@@ -29,19 +29,21 @@ class Mesh:
     """Texture coordinates, shape ``(V, 2)``."""
 
     def moved(self, to: Iterable[float], turn: float = 0.0, size: float = 1.0) -> "Mesh":
-        """This mesh scaled by ``size``, turned by ``turn`` radians about z, then moved by ``to`` metres."""
+        """Return this mesh scaled by ``size``, turned by ``turn`` radians about z, then moved by ``to``
+        metres.
+        """
         rotation = turn_about_z(turn)
         vertices = size * self.vertices @ rotation.T + np.asarray(tuple(to))
         return replace(self, vertices=vertices, normals=self.normals @ rotation.T)
 
     def tilted(self, angle: float) -> "Mesh":
-        """This mesh turned by ``angle`` radians about x."""
+        """Return this mesh turned by ``angle`` radians about x."""
         c, s = np.cos(angle), np.sin(angle)
         rotation = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         return replace(self, vertices=self.vertices @ rotation.T, normals=self.normals @ rotation.T)
 
     def posed(self, rotation: np.ndarray, to: np.ndarray) -> "Mesh":
-        """This mesh turned by a rotation matrix of shape ``(3, 3)``, then moved by ``to`` metres."""
+        """Return this mesh turned by a rotation matrix of shape ``(3, 3)``, then moved by ``to`` metres."""
         return replace(self, vertices=self.vertices @ rotation.T + to, normals=self.normals @ rotation.T)
 
 
@@ -64,7 +66,7 @@ def merge(parts: Iterable[Mesh]) -> Mesh:
 
 
 def box(size: tuple[float, float, float], bevel: float = 0.01) -> Mesh:
-    """A box around the origin with bevelled edges.
+    """Return a box around the origin with bevelled edges.
 
     Args:
         size: Full edge lengths, metres.
@@ -110,7 +112,7 @@ def _outward(vertices: np.ndarray, polygons: list[list[int]]) -> np.ndarray:
 
 
 def lathe(profile: Iterable[tuple[float, float]], segments: int = 64) -> Mesh:
-    """A body turned about z.
+    """Return a body turned about z.
 
     Args:
         profile: ``(radius, height)`` in metres, from the axis at the bottom along the outside upwards;
@@ -133,7 +135,7 @@ def lathe(profile: Iterable[tuple[float, float]], segments: int = 64) -> Mesh:
 
 
 def torus(major: float, minor: float, segments: int = 64) -> Mesh:
-    """A ring around z: ``major`` to the middle of the tube, ``minor`` the tube's radius, metres."""
+    """Return a ring around z: ``major`` to the middle of the tube, ``minor`` the tube's radius, metres."""
     angle = np.linspace(0, 2 * np.pi, segments + 1)
     around, tube = np.meshgrid(angle, angle, indexing="ij")
     distance = major + minor * np.cos(tube)
@@ -142,7 +144,7 @@ def torus(major: float, minor: float, segments: int = 64) -> Mesh:
 
 
 def blob(radius: float, rng: np.random.Generator, roughness: float = 0.12, segments: int = 64) -> Mesh:
-    """A pebble: a sphere whose radius varies smoothly by about ``roughness`` of itself."""
+    """Return a pebble: a sphere whose radius varies smoothly by about ``roughness`` of itself."""
     polar, around = np.meshgrid(
         np.linspace(0, np.pi, segments // 2 + 1), np.linspace(0, 2 * np.pi, segments + 1), indexing="ij"
     )
@@ -159,7 +161,7 @@ def blob(radius: float, rng: np.random.Generator, roughness: float = 0.12, segme
 
 
 def grid(points: np.ndarray, uv: np.ndarray) -> Mesh:
-    """A smooth mesh over a rectangular grid of points.
+    """Return a smooth mesh over a rectangular grid of points.
 
     Args:
         points: Shape ``(U, V, 3)``, metres; outside is along ``d/du x d/dv``.
@@ -177,7 +179,8 @@ def grid(points: np.ndarray, uv: np.ndarray) -> Mesh:
 
 
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals of vertices, shape ``(V, 3)``: area-weighted means over the faces around each point.
+    """Return unit normals of vertices, shape ``(V, 3)``: area-weighted means over the faces around each
+    point.
 
     Vertices at the same place (a seam, a pole) share one normal.
     """

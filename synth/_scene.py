@@ -95,7 +95,7 @@ MATERIALS = ("lambert-ggx", "principled")
 
 
 def polished(kind: str, color: Color, roughness: float, metallic: float = 0.0) -> Material:
-    """A surface that shines, of one of the :data:`MATERIALS`."""
+    """Return a surface that shines, of one of the :data:`MATERIALS`."""
     if kind == "principled":
         return Glossy(color, roughness, metallic)
     return LambertGGX(color, roughness, metallic)
@@ -163,7 +163,7 @@ class Scene:
             )
 
     def id_of(self, name: str) -> int:
-        """The object id of a thing.
+        """Return the object id of a thing.
 
         Raises:
             ValueError: There is no thing of that name.
@@ -187,7 +187,7 @@ class Scene:
 
 
 def surface_of(light: RectangleLight | SphereLight) -> Thing:
-    """The object that is the surface of an area light."""
+    """Return the object that is the surface of an area light."""
     match light:
         case RectangleLight():
             geometry: Geometry = Quad(light.position, light.half_u, light.half_v)

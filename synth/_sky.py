@@ -34,7 +34,7 @@ class Window:
 def room(
     zenith: Vector, horizon: Vector, ground: Vector, windows: Sequence[Window] = (), height: int = 64
 ) -> np.ndarray:
-    """A dim room with windows, shape ``(height, 2 * height, 3)`` on the sky grid, W/m²/sr.
+    """Return a dim room with windows, shape ``(height, 2 * height, 3)`` on the sky grid, W/m²/sr.
 
     Args:
         zenith: Radiance straight up.
@@ -55,7 +55,9 @@ def room(
 
 
 def recorded(sky: np.ndarray) -> np.ndarray:
-    """The environment as :class:`graycard.EnvironmentLight` records it, of the same shape as ``sky``."""
+    """Return the environment as :class:`graycard.EnvironmentLight` records it, of the same shape as
+    ``sky``.
+    """
     height = len(sky)
     at = (np.arange(height) + 0.5) / height * (height - 1)
     low = np.minimum(at.astype(int), height - 2)

@@ -26,7 +26,7 @@ def chart_patches() -> dict[str, Vector]:
 
 
 def paint(name: str) -> Vector:
-    """The reflectance of one ColorChecker patch, as in ``"moderate red"``.
+    """Return the reflectance of one ColorChecker patch, as in ``"moderate red"``.
 
     Raises:
         ValueError: There is no such patch.
@@ -61,7 +61,7 @@ def illuminant(name: str) -> Vector:
 
 
 def scaled(color: Vector, factor: float) -> Vector:
-    """A colour times a factor."""
+    """Return a colour times a factor."""
     return color[0] * factor, color[1] * factor, color[2] * factor
 
 

@@ -39,7 +39,7 @@ class VectorBound:
 
 
 def vector_bound(scene: Path, seed: int = 0) -> VectorBound:
-    """The error of each reading in a scene, its best vector at each point.
+    """Return the error of each reading in a scene, its best vector at each point.
 
     Args:
         scene: ``DATASET/<track>/<scene>``, with truth.

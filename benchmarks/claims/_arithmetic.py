@@ -28,7 +28,7 @@ def judge_arithmetic(found: Arithmetic) -> ClaimResult:
 
 
 def _means(found: Arithmetic) -> tuple[CheckResult, ...]:
-    """The mean of each row against the one that is printed.
+    """Return the mean of each row against the one that is printed.
 
     Each entry is rounded by half a unit of the last place at most, and so is the printed mean.
     """

@@ -231,7 +231,7 @@ def claims_names() -> list[str]:
 
 
 def claims_path(name: str) -> Path:
-    """The file of a name, or the path itself if it ends in ``.toml``.
+    """Return the file of a name, or the path itself if it ends in ``.toml``.
 
     Raises:
         UnknownNameError: There is no such file.
@@ -244,7 +244,7 @@ def claims_path(name: str) -> Path:
 
 
 def load_claims(name: str) -> Paper:
-    """The claims of a name, or of a path that ends in ``.toml``.
+    """Return the claims of a name, or of a path that ends in ``.toml``.
 
     Raises:
         UnknownNameError: There are none of this name, or they name a track that does not exist.

@@ -54,7 +54,7 @@ class Readings:
             self._results[result.job.track, result.job.scene, result.job.method].append(result)
 
     def scenes(self, track: str, wanted: Scenes) -> list[SceneRecord]:
-        """The scenes of a track that a check is about.
+        """Return the scenes of a track that a check is about.
 
         Raises:
             RecordError: It is about knobs, and the run does not tell them.
@@ -93,7 +93,7 @@ class Readings:
         raise RecordError(f"the run has no score by the protocol {quantity.protocol}")
 
     def value(self, row: str, scene: SceneRecord, quantity: Quantity) -> Reading:
-        """A row on a scene: the mean over seeds, each of which must have a value."""
+        """Return a row on a scene: the mean over seeds, each of which must have a value."""
         readings = self.by_seed(row, scene, quantity)
         lacking = [reading for reading in readings if reading.value is None]
         if lacking:
@@ -104,14 +104,14 @@ class Readings:
         )  # of the scene's noise, whatever the seed of the fit
 
     def by_seed(self, row: str, scene: SceneRecord, quantity: Quantity) -> list[Reading]:
-        """A row on a scene with each seed of the fit, in the order of the seeds."""
+        """Return a row on a scene with each seed of the fit, in the order of the seeds."""
         results = self._results.get((scene.track, scene.scene, row), [])
         if not results:
             return [Reading(None, f"was not run on {scene.scene}")]
         return [_read(result, quantity) for result in sorted(results, key=lambda r: r.job.seed)]
 
     def settings(self, row: str) -> Mapping[str, Any]:
-        """The settings of a row's fits; empty for one that nobody ran."""
+        """Return the settings of a row's fits; empty for one that nobody ran."""
         return self._settings.get(row, {})
 
     def priors(self, row: str) -> Mapping[str, Any]:
@@ -128,7 +128,7 @@ class Readings:
 
 
 def knob_of(scene: SceneRecord, knob: str) -> float:
-    """The value of a knob of a scene.
+    """Return the value of a knob of a scene.
 
     Raises:
         RecordError: The record does not tell it, or it is no number.

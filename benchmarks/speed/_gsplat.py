@@ -49,7 +49,7 @@ class Pairs:
 
 
 def project(surfels: Surfels, camera: Camera) -> Projected:
-    """The projection of gsplat, differentiable, in the dtype of the surfels."""
+    """Return the projection of gsplat, differentiable, in the dtype of the surfels."""
     from gsplat.cuda._torch_impl_2dgs import _fully_fused_projection_2dgs
 
     thick = torch.nn.functional.pad(surfels.scales, (0, 1), value=1.0)  # the third scales the normals
@@ -67,7 +67,8 @@ def accumulate(
     features: torch.Tensor,
     camera: Camera,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """The ``accumulate_2dgs`` of gsplat: features ``(H, W, C)``, alpha ``(H, W)``, normals ``(H, W, 3)``.
+    """Return the ``accumulate_2dgs`` of gsplat: features ``(H, W, C)``, alpha ``(H, W)``, normals ``(H, W,
+    3)``.
 
     Args:
         projected: From :func:`project`.
@@ -125,7 +126,7 @@ def _accumulate_along_rays(
 
 @torch.no_grad()
 def pairs_of(projected: Projected, opacities: torch.Tensor, camera: Camera) -> Pairs:
-    """The lists that gsplat's CUDA kernel would make, within its boxes of 3.33 standard deviations.
+    """Return the lists that gsplat's CUDA kernel would make, within its boxes of 3.33 standard deviations.
 
     Args:
         projected: From :func:`project`.

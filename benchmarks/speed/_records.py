@@ -125,7 +125,9 @@ def made_up_run(rows: int, scenes: int) -> RunRecord:
 
 
 def _metrics() -> tuple[MetricRecord, ...]:
-    """The metrics of the suite's claims and of leaderboards, and as many others as there are scores."""
+    """Return the metrics of the suite's claims and of leaderboards, and as many others as there are
+    scores.
+    """
     checks = [
         check
         for name in claims_of_suite(SUITE)

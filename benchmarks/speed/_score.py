@@ -46,7 +46,7 @@ class ScoreCost:
 
 
 def measure_scoring(size: int = 512, repeats: int = 5, progress: Progress = silent) -> list[ScoreCost]:
-    """The cost of one view a track; predictions are the truth itself, so that nothing is left out.
+    """Return the cost of one view a track; predictions are the truth itself, so that nothing is left out.
 
     Pictures under changed lights are left out: there are several of them to a view.
 

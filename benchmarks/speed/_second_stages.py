@@ -123,7 +123,7 @@ def _cost(staged: StagedMethod, size: int, steps: int, surfels: int, folder: Pat
 
 
 def _rendered(family: str, folder: Path) -> Path:
-    """A scene, rendered unless it is there."""
+    """Return a scene, rendered unless it is there."""
     track = all_families()[family].track
     settings = RenderSettings(RENDERED, RENDERED, train_views=6, test_views=1, samples=4, relighting=False)
     found = [path for path in (folder / track).glob("*") if path.name.startswith(family)]
@@ -206,7 +206,7 @@ class _EnlargedCapture(Capture):
 
 
 def _enlarged(method: Method, scene: Path, size: int) -> tuple[Capture, Priors]:
-    """A square scene's capture, and the priors' answers, with pictures of so many pixels a side."""
+    """Return a square scene's capture, and the priors' answers, with pictures of so many pixels a side."""
     small = open_capture(scene / "capture")
     views = tuple(View(view.name, view.split, _scaled(view.camera, size)) for view in small.views)
     same = {part.name: getattr(small, part.name) for part in fields(Capture)}

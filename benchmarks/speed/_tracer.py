@@ -114,7 +114,7 @@ def _peer_is_there() -> bool:
 
 
 def _calls(surfels: Surfels, rays: Rays, with_peer: bool) -> Iterator[Callable[[], object]]:
-    """Timed steps: tree, forward, forward and backward; then the last two of the peer."""
+    """Yield timed steps: tree, forward, forward and backward; then the last two of the peer."""
     tree = build_bvh(surfels)
     parts = [getattr(surfels, field.name) for field in fields(surfels)]
     parts += [rays.origins.clone(), rays.directions]

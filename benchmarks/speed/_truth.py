@@ -50,7 +50,7 @@ class TruthCost:
 def measure_truth(
     size: int = 128, samples: int = 64, repeats: int = 5, progress: Progress = silent
 ) -> list[TruthCost]:
-    """The cost of one view of each family, and of one with eight lamps and the sky.
+    """Return the cost of one view of each family, and of one with eight lamps and the sky.
 
     Args:
         size: Pixels along each side.

@@ -88,7 +88,9 @@ def _mirrored(view: dict[str, torch.Tensor], rng: np.random.Generator) -> dict[s
 
 
 def _lit(view: dict[str, torch.Tensor], rng: np.random.Generator) -> torch.Tensor:
-    """The picture at another exposure, with a tint and noise, or that of the paint with some light left."""
+    """Return the picture at another exposure, with a tint and noise, or that of the paint with some light
+    left.
+    """
     image, leak = view["image"], float(rng.choice((0.0, rng.uniform(0, 0.6))))
     if rng.random() < OF_PAINT:
         logs = [torch.log(layer.clamp_min(1e-4)) for layer in (view["base_color"], image)]

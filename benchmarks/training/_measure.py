@@ -107,7 +107,7 @@ def _of_view(
 
 
 def _flat(kind: str, view: View) -> np.ndarray:
-    """An answer that looks at nothing."""
+    """Return an answer that looks at nothing."""
     toward = -view.camera.rays()
     values = {"normal": toward, "depth": np.ones(toward.shape[:2]), "base_color": np.full(toward.shape, 0.5)}
     return values.get(kind, np.full(toward.shape[:2], 0.0 if kind == "metallic" else 0.5))

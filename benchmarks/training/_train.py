@@ -136,7 +136,7 @@ def _look(state: _State, validation: Mapping[str, Views]) -> Look:
 
 
 def _joined(scenes: Mapping[str, Views]) -> Views:
-    """The views of all scenes, one behind the other.
+    """Return the views of all scenes, one behind the other.
 
     Raises:
         GraycardError: There is no scene.
@@ -164,7 +164,7 @@ def _step(state: _State, data: Views, settings: TrainSettings) -> float:
 
 
 def _share(step: int, steps: int) -> float:
-    """The rate of a step, of the highest."""
+    """Return the rate of a step, of the highest."""
     rise = max(steps / 20, 1)
     return min((step + 1) / rise, 1) * 0.5 * (1 + np.cos(np.pi * step / steps))
 
@@ -172,7 +172,7 @@ def _share(step: int, steps: int) -> float:
 def _state(
     training: Mapping[str, Views], validation: Mapping[str, Views], settings: TrainSettings, out: Path
 ) -> _State:
-    """The state to go on from: a new one, or the one that is kept in a folder."""
+    """Return the state to go on from: a new one, or the one that is kept in a folder."""
     torch.manual_seed(settings.seed)
     net = GeometryNet()
     optimizer = torch.optim.AdamW(net.parameters(), lr=settings.rate, weight_decay=settings.decay)

@@ -261,7 +261,7 @@ def ceiling_breaches(run: RunRecord) -> list[Breach]:
 
 
 def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
-    """A comparison that is missing, or does not follow from the scores."""
+    """Return a comparison that is missing, or does not follow from the scores."""
     try:
         written = read_comparison(folder)
     except OlderRecordError as cause:

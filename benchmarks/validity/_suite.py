@@ -32,7 +32,8 @@ class Standard:
 
 
 def standard_of(run: RunRecord, folder: Path) -> Standard:
-    """The suite of a run: the one of this name and version that comes along, else the one that it kept.
+    """Return the suite of a run: the one of this name and version that comes along, else the one that it
+    kept.
 
     A kept suite is known by its hash alone: whoever changes scenes in it has made another suite.
     """
@@ -60,7 +61,7 @@ def _judging(suite: Suite) -> Any:
 
 
 def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
-    """The suite in the run folder, if it is the one that was run."""
+    """Return the suite in the run folder, if it is the one that was run."""
     path = folder / KEPT
     if not path.is_file():
         return None, []
@@ -145,7 +146,7 @@ def _missing_seeds(run: RunRecord, suite: Suite) -> Iterator[Breach]:
 
 
 def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -> Iterator[Breach]:
-    """A scene of the same name may be an easier one."""
+    """Yield differences of a scene from its spec: one of the same name may be easier."""
     try:
         settings = read_manifest(run / scene.folder / "truth", "graycard-truth").settings
     except DatasetError:

@@ -124,13 +124,13 @@ def _fit(predicted: PredictedView, true: TrueView, layer: str) -> np.ndarray | N
 
 
 def _exchanged(looks: Sequence[Looks]) -> list[str]:
-    """Views whose prediction is far closer to what another view sees."""
+    """Return views whose prediction is far closer to what another view sees."""
     pairs = [x.thumbnails for x in looks if x.thumbnails is not None]
     return _named([x.view for x in looks], np.array([[_rms(p - t) for _, t in pairs] for p, _ in pairs]))
 
 
 def _exchanged_layers(looks: Sequence[Looks]) -> list[tuple[str, str, str]]:
-    """The same by another layer than radiance."""
+    """Return the same by another layer than radiance."""
     stamps = [x.stamp for x in looks if x.stamp is not None]
     if not stamps or len({stamp.layer for stamp in stamps}) > 1:
         return []
@@ -207,7 +207,7 @@ def _moves(a: np.ndarray, b: np.ndarray) -> tuple[tuple[tuple[float, float], flo
 
 
 def _along(image: np.ndarray, axis: int, step: float) -> np.ndarray:
-    """The image without two pixels at both ends, moved along an axis by linear interpolation.
+    """Return the image without two pixels at both ends, moved along an axis by linear interpolation.
 
     Whole steps are blurred by (1, 2, 1) / 4, half ones by (1, 1) / 2: half a pixel that was lost by linear
     interpolation and half a pixel won back so are the former together.

@@ -18,7 +18,7 @@ from graycard import (
 
 
 def axis_of(light: LocalLight) -> np.ndarray:
-    """The direction in which a light shines most, in its frame, of any length; zero where it has none.
+    """Return the direction in which a light shines most, in its frame, of any length; zero where it has none.
 
     Returns:
         Shape ``(3,)``: a spot's axis, a rectangle's normal, the brightest lobe's axis of a sum of Gaussians.

@@ -79,7 +79,7 @@ def exposure_for(diffuse: np.ndarray) -> float:
 
 
 def _cells(environment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The light of each cell, ``(N, 3)``, radiance times sr, and its direction, ``(N, 3)``, unit.
+    """Return the light of each cell, ``(N, 3)``, radiance times sr, and its direction, ``(N, 3)``, unit.
 
     Solid angle is d(cos t) dp: what a pixel shares with a cell is exact for images of any size.
     """
@@ -99,7 +99,10 @@ def _shared(cells: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _look_up(environment: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """The environment in unit directions ``(N, 3)``, bilinear; around in azimuth, held at the poles."""
+    """Return the environment in unit directions ``(N, 3)``, bilinear.
+
+    Around in azimuth, held at the poles.
+    """
     height, width = environment.shape[:2]
     row = np.arccos(np.clip(directions[:, 2], -1, 1)) / np.pi * height - 0.5
     column = np.arctan2(directions[:, 1], directions[:, 0]) / (2 * np.pi) * width - 0.5
@@ -113,7 +116,7 @@ def _look_up(environment: np.ndarray, directions: np.ndarray) -> np.ndarray:
 
 
 def _ggx(normals: np.ndarray, directions: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """The reflectance D V of GGX for each normal and direction of light, shape ``(N, M)``, 1/sr."""
+    """Return the reflectance D V of GGX for each normal and direction of light, shape ``(N, M)``, 1/sr."""
     half = directions + towards
     half /= np.maximum(np.linalg.norm(half, axis=-1, keepdims=True), 1e-9)
     n_h = np.maximum(normals @ half.T, 0)

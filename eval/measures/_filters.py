@@ -55,7 +55,7 @@ def _windows(image: np.ndarray, length: int, axis: int) -> np.ndarray:
 
 
 def _seen(size: int, reach: int) -> np.ndarray:
-    """Indices of the pixels that whole blocks see."""
+    """Return indices of the pixels that whole blocks see."""
     places = np.arange(-reach, size + -size % _BLOCK + reach)
     return np.clip(places, 0, size - 1)
 

@@ -105,7 +105,7 @@ def _perceived(resolved: np.ndarray) -> np.ndarray:
 
 
 def _without_details(channel: np.ndarray, gaussians: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """A channel without the details to which the eye is blind."""
+    """Return a channel without the details to which the eye is blind."""
     square_degrees = (np.arange(-REACH, REACH + 1) / PIXELS_PER_DEGREE) ** 2
     found, total = np.zeros(channel.shape), 0.0
     for a, b in gaussians:
@@ -158,6 +158,6 @@ def _strength(blurred: tuple[np.ndarray, np.ndarray], weights: np.ndarray) -> np
 
 
 def _balanced(weights: np.ndarray) -> np.ndarray:
-    """The weights with a sum of 1 of what is above 0, and of -1 of what is below."""
+    """Return the weights with a sum of 1 of what is above 0, and of -1 of what is below."""
     above, below = np.maximum(weights, 0), np.minimum(weights, 0)
     return above / above.sum() - below / below.sum()

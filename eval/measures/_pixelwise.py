@@ -25,7 +25,7 @@ class Pixelwise:
     statistic: Callable[[np.ndarray], np.floating]
 
     def __call__(self, predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
-        """The statistic over the mask."""
+        """Return the statistic over the mask."""
         return float(self.statistic(self.errors(predicted, true, mask)))
 
 

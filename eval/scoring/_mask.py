@@ -22,7 +22,7 @@ def judged_mask(object_id: np.ndarray, left_out: Set[int] = frozenset()) -> np.n
 
 
 def judged_pixels(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pixels of two images inside a mask, each of shape ``(N, ...)``, float64.
+    """Return the pixels of two images inside a mask, each of shape ``(N, ...)``, float64.
 
     Raises:
         ValueError: The shapes differ, or the mask is empty.
@@ -37,7 +37,7 @@ def _chosen(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def with_true_background(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The prediction inside the mask and the truth outside, shape ``(H, W, C)``, float64.
+    """Return the prediction inside the mask and the truth outside, shape ``(H, W, C)``, float64.
 
     Metrics that look at neighbourhoods (FLIP, SSIM) would otherwise see pixels that are not judged.
 

@@ -88,7 +88,7 @@ class TrueView:
     """Results of :meth:`once`, by key."""
 
     def take(self, layer: str) -> np.ndarray:
-        """A layer that is fit to be compared with.
+        """Return a layer that is fit to be compared with.
 
         Raises:
             DatasetError: It is missing, of another size, or not finite.
@@ -110,7 +110,7 @@ class TrueView:
         return self.kept[make]
 
     def mask(self, layer: str, chart: bool = False) -> np.ndarray:
-        """The judged pixels of a layer, shape ``(H, W)``, bool.
+        """Return the judged pixels of a layer, shape ``(H, W)``, bool.
 
         Depth is judged where it is finite, and roughness and f0 where there is a specular lobe. The light of
         either lobe is judged in views that see a specular one at all: without, nothing is to be taken apart.
@@ -189,7 +189,7 @@ def _faults_of_sums(found: KnownLayers) -> dict[str, str]:
 def with_darkness(
     predicted: PredictedView, judged: Sequence[str], names: Mapping[str, str] | None
 ) -> PredictedView:
-    """A view with black layers of those lights that a prediction says are not there.
+    """Return a view with black layers of those lights that a prediction says are not there.
 
     A light that no predicted one stands for shines on nothing in the prediction. What is left of a layer of
     which the view has no light at all, or of a light that is predicted, is absent and stays so.
@@ -213,7 +213,7 @@ def with_darkness(
 
 
 def read_truth(truth: Truth, view: View) -> TrueView:
-    """The truth of a view.
+    """Return the truth of a view.
 
     Raises:
         DatasetError: The file is missing or broken.

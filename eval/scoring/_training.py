@@ -41,7 +41,7 @@ class Training:
     """By view that sees an object: mean square error of the displayed picture, or why there is none."""
 
     def gauge(self, kind: Kind, layer: str = GAUGED) -> Factors:
-        """The fitted factors.
+        """Return the fitted factors.
 
         Raises:
             PredictionError: The layer is missing or faulty in a training view, or black.

@@ -208,7 +208,7 @@ def _ranks(
     scenes: int,
     higher_is_better: bool,
 ) -> dict[str, int]:
-    """Groups of the methods that compete and have a score of every scene."""
+    """Return groups of the methods that compete and have a score of every scene."""
     means = {c.method: _mean(list(c.by_scene.values())) for c in candidates if len(c.by_scene) == scenes}
     ranked = [c.method for c in candidates if c.competes and not math.isnan(means.get(c.method, math.nan))]
     ranked.sort(key=lambda method: -means[method] if higher_is_better else means[method])

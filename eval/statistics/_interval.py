@@ -84,7 +84,7 @@ def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
 
 
 def mean_intervals(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
-    """The intervals of many samples of one size at once.
+    """Return the intervals of many samples of one size at once.
 
     Args:
         samples: shape ``(N, K)``: K samples of N values, finite, N at least 3.
@@ -162,7 +162,9 @@ def _of_rank(ratios: np.ndarray, rank: int, *, largest: bool = False) -> np.ndar
 
 
 def _idle(ratios: np.ndarray, level: float) -> np.ndarray:
-    """Samples whose resamples lack spread so often that bootstrap-t has an infinite end, shape ``(K,)``."""
+    """Return samples whose resamples lack spread so often that bootstrap-t has an infinite end, shape
+    ``(K,)``.
+    """
     return np.isinf(ratios).mean(axis=1) >= _SHARE * (1 - level) / 2
 
 

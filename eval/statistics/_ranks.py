@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 
 def rank_groups(ordered: Sequence[str], better: Callable[[str, str], bool]) -> dict[str, int]:
-    """The group of each method, 1 for the best.
+    """Return the group of each method, 1 for the best.
 
     The best method leads a group of all that it cannot be told from. They are taken away; the best of the
     rest leads the next group. "Cannot be told apart" is no equivalence: of three methods the first may be

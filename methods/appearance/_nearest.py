@@ -22,7 +22,7 @@ class Eyes:
     """Extent of the cameras, metres."""
 
     def nearest(self, camera: Camera) -> int:
-        """The number of the photograph that was taken from nearest to where a camera is and looks.
+        """Return the number of the photograph that was taken from nearest to where a camera is and looks.
 
         The squared distance is that of the places in extents plus that of the directions as points of the
         unit sphere: what a lamp on the camera lights changes with both.
@@ -33,7 +33,7 @@ class Eyes:
 
 
 def eyes_of(cameras: Sequence[Camera]) -> Eyes:
-    """The eyes of cameras.
+    """Return the eyes of cameras.
 
     Raises:
         ValueError: There is no camera.

@@ -364,7 +364,7 @@ def confined(
     progress: Progress = silent,
     label: str = "",
 ) -> Iterator[ConfinedMethod]:
-    """A process for the code of a method, which ends with the block.
+    """Return a process for the code of a method, which ends with the block.
 
     Args:
         name: A registered name or ``module:attribute``.

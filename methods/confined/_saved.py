@@ -41,7 +41,7 @@ def take_files(made: Path, folder: Path) -> None:
 
 @contextmanager
 def _opened(name: str, folder: int, is_kind: Callable[[int], bool]) -> Iterator[int]:
-    """A descriptor of what a method has written.
+    """Return a descriptor of what a method has written.
 
     Args:
         name: Of the file or folder.

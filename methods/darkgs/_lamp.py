@@ -106,7 +106,7 @@ def warming(lamp: Lamp, share: float) -> Lamp: ...
 @overload
 def warming(lamp: MeasuredLamp, share: float) -> MeasuredLamp: ...
 def warming(lamp: Lamp | MeasuredLamp, share: float) -> Lamp | MeasuredLamp:
-    """A lamp on its way from the middle of the lens, looking ahead, to its calibrated place.
+    """Return a lamp on its way from the middle of the lens, looking ahead, to its calibrated place.
 
     Args:
         lamp: At its place.

@@ -35,7 +35,7 @@ class ExposedPhotograph:
 
 
 def photographs(capture: Capture) -> list[ExposedPhotograph]:
-    """The training views, linear and exposed."""
+    """Return the training views, linear and exposed."""
     return [
         ExposedPhotograph(
             view.camera,
@@ -73,6 +73,6 @@ class DarkGsObjective:
         return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _lamp_at(self, share: float) -> Lamp | MeasuredLamp:
-        """The lamp when a share of the budget is spent."""
+        """Return the lamp when a share of the budget is spent."""
         way = share / self.settings.warm_up if self.settings.warm_up > 0 else 1.0
         return warming(self.lamp, min(way, 1.0))

@@ -67,17 +67,17 @@ class DarkGsScene(LayeredScene):
         }
 
     def _source(self, lamp: Lamp) -> Lamp | MeasuredLamp:
-        """A lamp that shines, with its measured beam if it is the one whose beam was measured."""
+        """Return a lamp that shines, with its measured beam if it is the one whose beam was measured."""
         if self.profile is None or lamp != self.lamp:
             return lamp
         return MeasuredLamp(lamp, self.profile)
 
     def lights(self) -> tuple[Light, ...] | None:
-        """The lamp as it was handed in: nothing of it is found. The light that stays has no place."""
+        """Return the lamp as it was handed in: nothing of it is found. The light that stays has no place."""
         return self.shining
 
     def relight(self, lights: tuple[Light, ...]) -> "DarkGsScene | None":
-        """The same surfels under other lamps on the camera, and under the light that stays or not.
+        """Return the same surfels under other lamps on the camera, and under the light that stays or not.
 
         A light in the room is taken for the one that was found there, whatever is said about it: its place is
         none of the model's. That light keeps the cosine to the calibrated lamp, as it was fitted. None for

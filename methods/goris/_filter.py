@@ -27,7 +27,7 @@ _INSIDE = 1e-3
 
 
 def pyramid(image: torch.Tensor, reading: Reading, normal: torch.Tensor | None = None) -> list[torch.Tensor]:
-    """An image less and less sharp, each level at full size again; differentiable.
+    """Return an image less and less sharp, each level at full size again; differentiable.
 
     Args:
         image: Shape ``(H, W, C)``.
@@ -61,7 +61,7 @@ def pyramid(image: torch.Tensor, reading: Reading, normal: torch.Tensor | None =
 
 
 def filtered(levels: list[torch.Tensor], blur: torch.Tensor) -> torch.Tensor:
-    """An image as blurred as each of its pixels asks for, shape ``(H, W, C)``; differentiable in both.
+    """Return an image as blurred as each of its pixels asks for, shape ``(H, W, C)``; differentiable in both.
 
     Args:
         levels: Of :func:`pyramid`.
@@ -74,7 +74,7 @@ def filtered(levels: list[torch.Tensor], blur: torch.Tensor) -> torch.Tensor:
 
 
 def translation_parameters(reading: Reading, seed: int) -> dict[str, torch.Tensor]:
-    """The network that translates roughness to blur, before the first step: it changes nothing.
+    """Return the network that translates roughness to blur, before the first step: it changes nothing.
 
     Its last layer is zero, so that the blur begins as the roughness (inferred; the paper does not say).
     """
@@ -92,7 +92,7 @@ def translation_parameters(reading: Reading, seed: int) -> dict[str, torch.Tenso
 def translated(
     values: Mapping[str, torch.Tensor], roughness: torch.Tensor, distances: torch.Tensor
 ) -> torch.Tensor:
-    """The blur of each pixel, shape ``(H, W)``, 0 to 1: roughness as seen on the screen.
+    """Return the blur of each pixel, shape ``(H, W)``, 0 to 1: roughness as seen on the screen.
 
     Args:
         values: Parameters, those of :func:`translation_parameters` among them.

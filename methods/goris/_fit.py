@@ -79,7 +79,7 @@ masked as reflecting the object."""
 
 
 def as_glossy_as_told(settings: GorisSettings, shots: Sequence[TrainingView]) -> GorisSettings:
-    """Settings for radiance only where a prior says that nothing is glossy, else unchanged."""
+    """Return settings for radiance only where a prior says that nothing is glossy, else unchanged."""
     matte = settings.matte_in_colours and all(shot.told and not shot.glossy.any() for shot in shots)
     return replace(settings, radiance_share=1.0, transport=False) if matte else settings
 
@@ -173,7 +173,7 @@ def fit_light(
 
 
 def reserved(settings: GorisSettings) -> int:
-    """Number of surfels that the radiance-only steps leave to densification with light transport."""
+    """Return number of surfels that the radiance-only steps leave to densification with light transport."""
     return round(RESERVED * settings.surfels) if settings.light_density else 0
 
 

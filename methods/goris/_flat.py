@@ -71,7 +71,9 @@ class FlatSurface:
     pixel to pixel."""
 
     def alone(self, shots: Sequence[TrainingView]) -> list[TrainingView]:
-        """The views with this surface as the only glossy one, and its normal there in place of a prior's."""
+        """Return the views with this surface as the only glossy one, and its normal there in place of a
+        prior's.
+        """
         return [self._alone(shot, float_tensor(mask)) for shot, mask in zip(shots, self.mirrors, strict=True)]
 
     def _alone(self, shot: TrainingView, mirror: torch.Tensor) -> TrainingView:
@@ -81,7 +83,7 @@ class FlatSurface:
 
 
 def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurface | None:
-    """The flat glossy surface of a scene, if there is one.
+    """Return the flat glossy surface of a scene, if there is one.
 
     Args:
         shots: The training views, with a prior's masks and normals.
@@ -130,7 +132,7 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
 
 
 def _hull(flat: np.ndarray) -> np.ndarray:
-    """The convex hull of the largest connected part, specks left out."""
+    """Return the convex hull of the largest connected part, specks left out."""
     parts = cast(np.ndarray, label(binary_opening(flat), connectivity=1))  # no return_num, no tuple
     if not parts.any():
         return np.zeros_like(flat)

@@ -84,7 +84,7 @@ class Observations:
     """Shape ``(M,)``: (1 - cosine)^5, see :func:`graycard.methods.goris._model.fresnel`."""
 
     def take(self, which: np.ndarray) -> "Observations":
-        """Some of them, by a mask of shape ``(M,)``."""
+        """Return some of them, by a mask of shape ``(M,)``."""
         return Observations(*(getattr(self, part.name)[which] for part in fields(self)))
 
 
@@ -194,14 +194,14 @@ def _mirrored(clear: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _likeliest(errors: Sequence[float], f0: float) -> float:
-    """The candidate that is nearest to an F0, of those between which residuals do not decide."""
+    """Return the candidate that is nearest to an F0, of those between which residuals do not decide."""
     squares, candidates = np.square(errors), np.asarray(CANDIDATES)
     may = candidates[squares <= SLACK**2 * squares.min()]
     return float(may[np.abs(np.log(may / f0)).argmin()])
 
 
 def _light_of(found: Observations, told: Reflectance, sky_size: int) -> InitialLight:
-    """The environment and the diffuse radiance that fit best to what surfaces are."""
+    """Return the environment and the diffuse radiance that fit best to what surfaces are."""
     mean = float(told.f0.mean())
     _, coarse = _fitted(found, _basis(found), mean, scatters=not told.metal)
     coarse = float_tensor((coarse * mean / told.f0).reshape(6, _SIZE, _SIZE, 3))
@@ -261,7 +261,7 @@ def _basis(found: Observations) -> np.ndarray:
 def _fitted(
     found: Observations, basis: np.ndarray, f0: float, *, scatters: bool = True
 ) -> tuple[float, np.ndarray]:
-    """The residual, see :func:`_error`, and the non-negative environment ``(T, 3)``.
+    """Return the residual, see :func:`_error`, and the non-negative environment ``(T, 3)``.
 
     Args:
         found: Sightings, M.

@@ -173,7 +173,7 @@ class Reflection:
 
 
 def reflected_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
-    """Indices of the glossy pixels, and the rays that start there in mirror direction.
+    """Return indices of the glossy pixels, and the rays that start there in mirror direction.
 
     ``w - 2 (w . n) n`` with the view ray w; differentiable in points and normals.
     """
@@ -267,7 +267,7 @@ def _image(pixels: torch.Tensor, rows: torch.Tensor, height: int, width: int) ->
 def _distances(
     buffers: Buffers, reflection: Reflection, settings: GorisSettings, extent: float
 ) -> torch.Tensor:
-    """Inputs of the network beside roughness, see :data:`Reading`: in extents or their inverse."""
+    """Return inputs of the network beside roughness, see :data:`Reading`: in extents or their inverse."""
     drawn = buffers.drawn
     depth = torch.where(drawn.alpha > 0, drawn.depth, extent)[..., None] / extent
     if settings.filter == "paper":
@@ -325,7 +325,9 @@ def _reflected(
 
 
 def _skies(surroundings: torch.Tensor) -> tuple[torch.Tensor, ...]:
-    """The environment as each of the ``ROUGHNESSES`` mirrors it; of a fine one by way of a coarser one."""
+    """Return the environment as each of the ``ROUGHNESSES`` mirrors it; of a fine one by way of a coarser
+    one.
+    """
     coarse = surroundings
     if surroundings.shape[1] > LARGEST_FILTERED:
         coarse = adaptive_avg_pool2d(surroundings.movedim(-1, 1), LARGEST_FILTERED).movedim(1, -1)

@@ -45,7 +45,7 @@ class RadianceObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """The loss of a step."""
+        """Return the loss of a step."""
         settings = self.settings
         shot, share = self.shots[view_at(step, len(self.shots), self.seed)], step / settings.radiance_steps
         view = shot.photograph
@@ -78,7 +78,7 @@ class LightObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """The loss of a step, counted from the first with light transport."""
+        """Return the loss of a step, counted from the first with light transport."""
         settings = self.settings
         shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
         view = shot.photograph

@@ -190,7 +190,7 @@ def next_to_object(fitted: Parameters, shots: Sequence[TrainingView], grow: floa
 def _effects(
     values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
 ) -> list[np.ndarray]:
-    """The lighting-aware mask of each view, shape ``(H, W)``, bool."""
+    """Return the lighting-aware mask of each view, shape ``(H, W)``, bool."""
     found = []
     with torch.no_grad():
         for shot in shots:
@@ -204,7 +204,7 @@ def _effects(
 def _drawn(
     values: Mapping[str, torch.Tensor], settings: GorisSettings, extent: float
 ) -> Callable[[Camera], RenderedView]:
-    """A renderer of the picture and of the layers that are inpainted as materials."""
+    """Return a renderer of the picture and of the layers that are inpainted as materials."""
 
     @torch.no_grad()
     def draw(camera: Camera) -> RenderedView:
@@ -220,7 +220,7 @@ def _drawn(
 
 
 def material_layers(picture: GlossyPicture) -> dict[str, torch.Tensor]:
-    """The layers of :data:`LAYERS`: diffuse radiance linear and exposed, the others in their unit."""
+    """Return the layers of :data:`LAYERS`: diffuse radiance linear and exposed, the others in their unit."""
     buffers = picture.buffers
     parts = (buffers.diffuse, buffers.f0, buffers.roughness, buffers.glossy, buffers.normal)
     return dict(zip(LAYERS, parts, strict=True))
@@ -257,7 +257,7 @@ def with_painted_wall(
 
 
 def _painted(wall: BackgroundPoints) -> np.ndarray:
-    """Encoded colours, encoded diffuse radiance, f0, roughness and gloss of points, shape ``(M, 11)``.
+    """Return encoded colours, encoded diffuse radiance, f0, roughness and gloss of points, shape ``(M, 11)``.
 
     New surfels are rough where only radiance was inpainted.
     """
@@ -338,7 +338,7 @@ class RemovalObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """The loss of a step, counted from the first without the object."""
+        """Return the loss of a step, counted from the first without the object."""
         settings = self.settings
         number = view_at(step, len(self.shots), self.seed)
         shot, aim = self.shots[number], self.aims[number]

@@ -130,7 +130,7 @@ class GorisScene(Emptied, SavedScene):
     """Effect of the removal, by the name of each training view; empty where an older graycard saved it."""
 
     def remove(self, object_id: int) -> Decomposition:
-        """The scene without the object and its reflection.
+        """Return the scene without the object and its reflection.
 
         Raises:
             MethodError: It is another object than the one that the capture names.

@@ -368,7 +368,7 @@ def brightened(parameters: Parameters, left: torch.Tensor) -> Parameters:
 
 
 def _lit(encoded: torch.Tensor, left: torch.Tensor) -> torch.Tensor:
-    """Encoded colours without the shadow; what is black stays as it is."""
+    """Return encoded colours without the shadow; what is black stays as it is."""
     return torch.where(
         encoded > 0, srgb_encode_tensor(srgb_decode_tensor(encoded.clamp(min=0)) / left), encoded
     )

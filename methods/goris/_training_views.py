@@ -43,7 +43,7 @@ class TrainingView:
         return windows_of(camera.height, camera.width, side)
 
     def at(self, window: Window) -> "TrainingView":
-        """A part of the view."""
+        """Return a part of the view."""
         glossy, target = window.of(self.glossy), window.of(self.target)
         normal = None if self.normal is None else window.of(self.normal)
         return TrainingView(self.photograph.at(window), glossy, self.told, target, normal)
@@ -52,7 +52,7 @@ class TrainingView:
 def training_views(
     capture: Capture, priors: Priors, masks: Sequence[np.ndarray], settings: GorisSettings
 ) -> list[TrainingView]:
-    """The training views, exposed and encoded.
+    """Return the training views, exposed and encoded.
 
     Args:
         capture: The photographs.

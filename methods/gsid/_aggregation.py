@@ -101,7 +101,7 @@ def without_dim_lamps(state: FitState, stage: LightStage) -> FitState:
 
 
 def _trial_of(parameters: Parameters, stage: LightStage) -> "_Trial":
-    """The lights as they are, with views no larger than a tile."""
+    """Return the lights as they are, with views no larger than a tile."""
     whole = at_tile_size(stage, parameters)
     return _Trial(whole, at_half_size(whole, parameters), parameters)
 
@@ -138,7 +138,9 @@ class _Trial:
         return self.half_objective.over_all(self.parameters.all)
 
     def best(self, proposals: Iterator[Lights]) -> "_Trial":
-        """The best proposal at half the size, if it is better than this at half and full size; else this."""
+        """Return the best proposal at half the size, if it is better than this at half and full size; else
+        this.
+        """
         trials = [replace(self, parameters=replace(self.parameters, shared=dict(p))) for p in proposals]
         best = min(trials, key=lambda trial: trial.half_loss, default=self)
         return best if best.half_loss < self.half_loss and best.loss < self.loss else self
@@ -172,7 +174,7 @@ def _changed(lights: Lights) -> dict[str, torch.Tensor]:
 
 
 def _pruned(trial: _Trial) -> Iterator[Lights]:
-    """The weakest lamp that shines is put out."""
+    """Yield the lights without the weakest lamp that shines."""
     shining = trial.shining
     if len(shining):
         lights = _changed(trial.lights)
@@ -181,7 +183,7 @@ def _pruned(trial: _Trial) -> Iterator[Lights]:
 
 
 def _merged(trial: _Trial) -> Iterator[Lights]:
-    """The two lamps that are nearest to each other become one, between them, that sends what both sent."""
+    """Yield the lights with the two nearest lamps as one, between them, that sends what both sent."""
     shining = trial.shining
     if len(shining) < 2:
         return
@@ -200,7 +202,7 @@ def _merged(trial: _Trial) -> Iterator[Lights]:
 
 
 def _split(trial: _Trial) -> Iterator[Lights]:
-    """The brightest lamp becomes two halves beside its place, along each axis, if another lamp is out."""
+    """Yield the lights with the brightest lamp as two halves beside its place, if another lamp is out."""
     shining, other = trial.shining, trial.out
     if other is None or not len(shining):
         return
@@ -216,7 +218,7 @@ def _split(trial: _Trial) -> Iterator[Lights]:
 
 
 def _put(trial: _Trial) -> Iterator[Lights]:
-    """A lamp that is out shines where light is missing, unless there is one already that does not help."""
+    """Yield the lights with a lamp more where light is missing, unless one is there that does not help."""
     out, extent = trial.out, trial.stage.extent
     if out is None:
         return

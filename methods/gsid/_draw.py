@@ -52,7 +52,7 @@ def draw(
     apart: bool = True,
     pixels: Pixels | None = None,
 ) -> LitPicture:
-    """A view of shape ``(H, W)``.
+    """Return a view of shape ``(H, W)``.
 
     Args:
         values: Parameters by name.
@@ -82,7 +82,7 @@ def draw_whole(
     *,
     pixels: Pixels,
 ) -> WholePicture:
-    """The sums of what :func:`draw` tells apart; arguments are as there."""
+    """Return the sums of what :func:`draw` tells apart; arguments are as there."""
     if settings.shading == "deferred":
         return whole_picture_of(pixels, *lights, reach, settings.visibility, extent)
     picture = draw(values, ground, lights, reach, settings, extent)
@@ -109,7 +109,7 @@ def _seen_surfels(values: Mapping[str, torch.Tensor], ground: Ground) -> Pixels:
 
 
 def _drawn(lit: LitPicture, surfels: Surfels, ground: Ground, surroundings: Surroundings) -> LitPicture:
-    """The light that surfels send, drawn, and the surroundings behind them."""
+    """Return the light that surfels send, drawn, and the surroundings behind them."""
     parts = lit.by_lamp, lit.by_sky[:, None], lit.by_way, lit.irradiance
     sizes = [part.shape[1] for part in parts]
     sent = torch.cat(parts, dim=1)

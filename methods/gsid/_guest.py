@@ -17,7 +17,7 @@ LEAST_INSIDE = 0.5
 def with_guest(
     host: Parameters, donor: Parameters, guest: Guest, motion: np.ndarray, extent: float | None
 ) -> Parameters:
-    """A scene with the surfels of an object of another one, their materials as they were found there.
+    """Return a scene with the surfels of an object of another one, their materials as they were found there.
 
     Args:
         host: The scene.

@@ -29,12 +29,12 @@ LAMPS = (POSITIONS, AXES, SHARPNESS, AMPLITUDES)
 
 
 def lamps_from(values: Mapping[str, torch.Tensor]) -> Lamps:
-    """The lamps of parameters by name, as bright as in exposed pictures; differentiable."""
+    """Return the lamps of parameters by name, as bright as in exposed pictures; differentiable."""
     return Lamps(values[POSITIONS], values[AXES], values[SHARPNESS].exp(), values[AMPLITUDES].exp())
 
 
 def sky_from(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """The surroundings, exposed, shape ``(6, N, N, 3)``; differentiable."""
+    """Return the surroundings, exposed, shape ``(6, N, N, 3)``; differentiable."""
     return values[SKY].exp()
 
 

@@ -64,7 +64,7 @@ class Ground:
     """Shape ``(H, W)``: share of the sky's light that arrives."""
 
     def at(self, window: Window) -> "Ground":
-        """A part of the view."""
+        """Return a part of the view."""
         drawn = Maps(*(window.of(getattr(self.drawn, field.name)) for field in fields(Maps)))
         layers = (window.of(layer) for layer in (self.points, self.normal, self.eye, self.open))
         return Ground(window.camera(self.camera), drawn, *layers)
@@ -125,7 +125,7 @@ def _ground(camera: Camera, drawn: Maps, opened: torch.Tensor) -> Ground:
 
 
 def _features(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """Base colour, roughness, metallic and shadow vector of the surfels, shape ``(N, 8)``."""
+    """Return base colour, roughness, metallic and shadow vector of the surfels, shape ``(N, 8)``."""
     colors = [values[name].sigmoid() for name in (BASE_COLOR, ROUGHNESS, METALLIC)]
     return torch.cat([*colors, values[SHADOW]], dim=1)
 
@@ -143,13 +143,13 @@ def matte_of(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
 
 
 def lit_side(surfels: Surfels, normals: torch.Tensor) -> torch.Tensor:
-    """The parameter :data:`SIDE` of normals ``(N, 3)`` to the side that is lit."""
+    """Return the parameter :data:`SIDE` of normals ``(N, 3)`` to the side that is lit."""
     axis = rotation_matrices(surfels.rotations)[:, :, 2]
     return torch.where((axis * normals).sum(dim=-1) < 0, -1.0, 1.0)
 
 
 def lit_normals(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """Normals to the side that is lit, shape ``(N, 3)``, world, unit."""
+    """Return normals to the side that is lit, shape ``(N, 3)``, world, unit."""
     return rotation_matrices(surfels_of(values).rotations)[:, :, 2] * values[SIDE][:, None]
 
 
@@ -287,7 +287,9 @@ def whole_picture_of(
     form: Visibility,
     extent: float,
 ) -> WholePicture:
-    """The sums of what :func:`picture_of` tells apart, in one sweep over lamps where there are kernels."""
+    """Return the sums of what :func:`picture_of` tells apart, in one sweep over lamps where there are
+    kernels.
+    """
     if form in ("vector_half", "vector_relu") or not isinstance(lamps, Lamps):
         picture = picture_of(pixels, lamps, surroundings, reach, form, extent)
         return WholePicture(picture.whole, picture.given)

@@ -45,13 +45,13 @@ class DeferredView:
     guess: MaterialGuess
 
     def at(self, window: Window) -> "DeferredView":
-        """A part of the view."""
+        """Return a part of the view."""
         layers = (getattr(self.guess, field.name) for field in fields(MaterialGuess))
         guess = MaterialGuess(*(None if layer is None else window.of(layer) for layer in layers))
         return DeferredView(window.of(self.linear), window.of(self.shown), self.ground.at(window), guess)
 
     def at_half_size(self, surfels: Surfels, occlusion: torch.Tensor) -> "DeferredView":
-        """The view at half its width and height.
+        """Return the view at half its width and height.
 
         Args:
             surfels: What it shows.
@@ -78,7 +78,7 @@ def _halved(image: torch.Tensor) -> torch.Tensor:
 def deferred_views(
     capture: Capture, grounds: Sequence[Ground], guesses: Sequence[MaterialGuess]
 ) -> list[DeferredView]:
-    """The training views, exposed."""
+    """Return the training views, exposed."""
     found = []
     for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
         linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
@@ -104,11 +104,11 @@ class GsidObjective:
 
     @torch.no_grad()
     def over_all(self, values: Mapping[str, torch.Tensor]) -> float:
-        """The loss over all pixels of all views, mean of the tiles'."""
+        """Return the loss over all pixels of all views, mean of the tiles'."""
         return float(np.mean([float(self.loss(values, number)) for number in range(len(self.shots))]))
 
     def loss(self, values: Mapping[str, torch.Tensor], number: int) -> torch.Tensor:
-        """The loss of a tile."""
+        """Return the loss of a tile."""
         shot, settings = self.shots[number], self.settings
         ground, pixels = self._seen(values, shot)
         lights, reach = _lights_in(values), self.reach[number]
@@ -128,7 +128,7 @@ class GsidObjective:
 
     @torch.no_grad()
     def picture(self, values: Mapping[str, torch.Tensor], number: int) -> LitPicture:
-        """A tile under the lights."""
+        """Return a tile under the lights."""
         ground, pixels = self._seen(values, self.shots[number])
         return draw(
             values, ground, _lights_in(values), self.reach[number], self.settings, self.extent, pixels=pixels
@@ -151,7 +151,7 @@ def few(given: torch.Tensor) -> torch.Tensor:
 
 
 def material_image(pixels: Pixels) -> torch.Tensor:
-    """Base colour, roughness and metallic of a view, shape ``(H, W, 5)``."""
+    """Return base colour, roughness and metallic of a view, shape ``(H, W, 5)``."""
     material = pixels.material
     return torch.cat(
         [material.base_color, material.roughness[..., None], material.metallic[..., None]], dim=-1

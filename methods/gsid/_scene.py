@@ -153,7 +153,7 @@ class GsidScene(LayeredScene):
         return bounces_between(surfels_of(values), lit_normals(values), self.extent)
 
     def _shining_at(self, camera: Camera) -> Shining:
-        """The given lamps, or those that were found, in W/sr."""
+        """Return the given lamps, or those that were found, in W/sr."""
         if self.given is not None:
             return known_lamps(self.given.local, camera, PANEL)
         return self._lamps
@@ -188,7 +188,7 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...]:
-        """The given lights, or the lamps that are not out, in W/sr; and the surroundings."""
+        """Return the given lights, or the lamps that are not out, in W/sr; and the surroundings."""
         sky = EnvironmentLight(SKY_NAME, SKY_FILE)
         if self.given is not None:
             return *self.given.local, sky
@@ -196,12 +196,12 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
+        """Return the surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
         return to_latitudes(self._sky, HEIGHT)
 
     @torch.no_grad()
     def relight(self, lights: tuple[Light, ...]) -> "GsidScene":
-        """The same surfels under other lights.
+        """Return the same surfels under other lights.
 
         A lamp that stands where one was found is hidden as it was found there; shadows of others are traced.
 
@@ -221,7 +221,7 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def compose(self, composition: Composition, guest: Guest | None = None) -> "GsidScene | None":
-        """The same scene with an object that the same method has found in another one.
+        """Return the same scene with an object that the same method has found in another one.
 
         It is lit by the lights of this scene, its own lights stay at home; it sends light on where bounces
         are. Rays find what it hides from the lamps and what hides them from it, unless nothing is in the way

@@ -87,7 +87,7 @@ def search_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Search:
 
 @torch.no_grad()
 def samples_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Samples:
-    """Some pixels of all training views, with the materials that surfels have."""
+    """Return some pixels of all training views, with the materials that surfels have."""
     parts: list[tuple[torch.Tensor, ...]] = []
     for shot in stage.shots:
         ground, pixels = shot.ground, pixels_of(surface, shot.ground)

@@ -31,7 +31,7 @@ def vector_visibility(form: Visibility, vector: torch.Tensor, toward: torch.Tens
 def first_vectors(
     form: Visibility, normals: torch.Tensor, toward: torch.Tensor, given: torch.Tensor, reached: torch.Tensor
 ) -> torch.Tensor:
-    """The vectors that come nearest to what rays have found, shape ``(N, 3)``, unit.
+    """Return the vectors that come nearest to what rays have found, shape ``(N, 3)``, unit.
 
     Of each surfel these are tried: along its normal and against it; to and from each lamp; and to and from
     the mean direction of the light that arrives, and of that which does not.

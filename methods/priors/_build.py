@@ -92,7 +92,7 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
 
 
 def unanswered(spec: PriorSpec, asks: Sequence[Ask]) -> tuple[PriorKind, ...]:
-    """The kinds that a method can ask for and nothing answers: it works without them."""
+    """Return the kinds that a method can ask for and nothing answers: it works without them."""
     return tuple(ask.kind for ask in asks if ask.optional and not _answers(spec, ask))
 
 
@@ -106,7 +106,7 @@ def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
 
 
 def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
-    """A hash for each set of weights that is asked: answers depend on them.
+    """Return a hash for each set of weights that is asked: answers depend on them.
 
     Raises:
         MethodError: Weights are missing.

@@ -80,7 +80,7 @@ class Classical:
 
 
 def _grey(image: np.ndarray) -> torch.Tensor:
-    """Encoded luminance, as stereo compares it, shape ``(H, W)``, float32."""
+    """Return encoded luminance, as stereo compares it, shape ``(H, W)``, float32."""
     return torch.from_numpy(srgb_encode(luminance(image)).astype(np.float32))
 
 

@@ -21,12 +21,12 @@ CORRELATION = 0.06
 
 
 def seed_in(seed: int, scene: str) -> int:
-    """A seed for one scene: views of other scenes bear the same names, and their errors are others."""
+    """Return a seed for one scene: views of other scenes bear the same names, and their errors are others."""
     return int.from_bytes(hashlib.sha256(f"{seed}/{scene}".encode()).digest()[:8], "big")
 
 
 def draws_of(seed: int, kind: str, view: str) -> np.random.Generator:
-    """The random numbers of a view's errors of one kind."""
+    """Return the random numbers of a view's errors of one kind."""
     digest = hashlib.sha256(f"{seed}/{kind}/{view}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:16], "big"))
 
@@ -34,7 +34,7 @@ def draws_of(seed: int, kind: str, view: str) -> np.random.Generator:
 def smooth_field(
     draws: np.random.Generator, size: tuple[int, int], channels: int = 1, length: float = CORRELATION
 ) -> np.ndarray:
-    """A Gaussian random field of mean 0 and variance 1 over each channel.
+    """Return a Gaussian random field of mean 0 and variance 1 over each channel.
 
     Args:
         draws: Where its numbers come from.
@@ -54,7 +54,7 @@ def smooth_field(
 
 
 def blurred(image: np.ndarray, length: float, known: np.ndarray) -> np.ndarray:
-    """An image blurred over the pixels that are known; the others stay as they are.
+    """Return an image blurred over the pixels that are known; the others stay as they are.
 
     Args:
         image: shape ``(H, W)`` or ``(H, W, C)``.
@@ -73,7 +73,7 @@ def blurred(image: np.ndarray, length: float, known: np.ndarray) -> np.ndarray:
 
 
 def log_light(image: np.ndarray, base_color: np.ndarray) -> np.ndarray:
-    """The light that an image shows beyond the paint: log of I / A, about its mean.
+    """Return the light that an image shows beyond the paint: log of I / A, about its mean.
 
     An image of the base colour itself shows none, nor does one under even light, of whatever strength.
 
@@ -111,5 +111,5 @@ def relief(light: np.ndarray, fine: float, coarse: float) -> np.ndarray:
 
 
 def gains(draws: np.random.Generator, spread: float) -> np.ndarray:
-    """A factor for each channel of a view, log-normal, shape ``(3,)``."""
+    """Return a factor for each channel of a view, log-normal, shape ``(3,)``."""
     return np.exp(spread * draws.standard_normal(3))

@@ -17,7 +17,7 @@ slope's size: little beside the range of 8 bits, but more than all there is of a
 
 
 def filled(image: np.ndarray, hole: np.ndarray | None, algorithm: str) -> np.ndarray:
-    """A picture whose hole is filled in, each channel by itself.
+    """Return a picture whose hole is filled in, each channel by itself.
 
     ``biharmonic`` is the function that bends least (Damelin and Hoang 2018, by scikit-image): it goes on with
     slopes, within the values of the picture. ``telea`` marches from the rim inwards, each pixel a mean of

@@ -64,7 +64,7 @@ def calibrated(lights: Sequence[Light], errors: LightErrors, seed: int) -> Lamp:
 
 
 def corrupt_light(lamp: Lamp, errors: LightErrors, seed: int) -> Lamp:
-    """A lamp as a calibration has it.
+    """Return a lamp as a calibration has it.
 
     Args:
         lamp: As it is, in camera axes.

@@ -80,7 +80,7 @@ class OraclePrior:
     """Id of the object that the task names."""
 
     def answer(self, question: Question) -> np.ndarray:
-        """The truth about a view, made wrong.
+        """Return the truth about a view, made wrong.
 
         Raises:
             MethodError: It is not known.
@@ -156,7 +156,7 @@ def _is_glossy(known: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _continued(true: np.ndarray, question: Question, glossy: np.ndarray) -> np.ndarray:
-    """A layer, moved on glossy surfaces by as much as the picture around the hole is off it.
+    """Return a layer, moved on glossy surfaces by as much as the picture around the hole is off it.
 
     A painter goes on with what it is shown, and cannot know that all of a surface is, say, too dim a mirror.
     The shadow of the object, dark next to the hole, is not to go on there, as little as in a hole that is

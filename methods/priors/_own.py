@@ -46,7 +46,7 @@ class OwnNetwork:
         return self._in_units(values, seen, question)
 
     def _in_units(self, values: np.ndarray, seen: np.ndarray, question: Question) -> np.ndarray:
-        """The answer in the units of its kind, from values ``(H, W, C)``."""
+        """Return the answer in the units of its kind, from values ``(H, W, C)``."""
         match self.kind:
             case "depth":
                 return np.where(seen, np.exp(values[..., 0]), np.inf)
@@ -61,7 +61,7 @@ class OwnNetwork:
 
 
 def load_own(kind: ImageKind, weights: Path) -> OwnNetwork:
-    """The network of a file of weights.
+    """Return the network of a file of weights.
 
     Raises:
         MethodError: The file is damaged, or holds the weights of another network.
@@ -72,7 +72,7 @@ def load_own(kind: ImageKind, weights: Path) -> OwnNetwork:
 
 @lru_cache(maxsize=2)
 def _network(weights: Path, _: tuple[int, int]) -> GeometryNet:
-    """The network in a file, read once for all kinds; the last argument tells its states apart."""
+    """Return the network in a file, read once for all kinds; the last argument tells its states apart."""
     net = GeometryNet()
     try:
         net.load_state_dict({name: values.float() for name, values in load_file(weights).items()})

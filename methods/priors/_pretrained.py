@@ -13,7 +13,7 @@ OF_DEPTH = ("depth", "normal")
 
 
 def load_pretrained(kind: ImageKind, weights: Path) -> PriorModel:
-    """The network that answers about a kind.
+    """Return the network that answers about a kind.
 
     Args:
         kind: The kind.

@@ -120,7 +120,7 @@ _LONGEST = 4096
 
 
 def parse_priors(text: str) -> PriorSpec:
-    """A spec in a word, as on a command line.
+    """Return a spec in a word, as on a command line.
 
     Args:
         text: ``none``, ``classical``, ``oracle`` or ``oracle:3`` (severity), ``pretrained:own`` (graycard's

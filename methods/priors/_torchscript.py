@@ -66,7 +66,7 @@ class InpaintingNetwork:
     module: torch.nn.Module
 
     def answer(self, question: Question) -> np.ndarray:
-        """The image as the module fills it in.
+        """Return the image as the module fills it in.
 
         Raises:
             MethodError: It breaks, or gives an image of another size; or all is hole.
@@ -86,7 +86,7 @@ class InpaintingNetwork:
         return low + (high - low) * self._filled(three, hole).mean(axis=-1)
 
     def _filled(self, shown: np.ndarray, hole: np.ndarray) -> np.ndarray:
-        """An image ``(H, W, 3)`` in [0, 1] with its hole filled in."""
+        """Return an image ``(H, W, 3)`` in [0, 1] with its hole filled in."""
         height, width = hole.shape
         more = (0, -width % STEP, 0, -height % STEP)
         image = pad(_tensor(shown), more, mode="reflect")
@@ -100,7 +100,7 @@ class InpaintingNetwork:
 
 
 def load_torchscript(path: Path) -> torch.nn.Module:
-    """The module in a TorchScript file, on the CPU.
+    """Return the module in a TorchScript file, on the CPU.
 
     Raises:
         MethodError: It cannot be read.
@@ -132,7 +132,7 @@ def _run(module: torch.nn.Module, *inputs: torch.Tensor) -> torch.Tensor:
 
 
 def _tensor(image: np.ndarray) -> torch.Tensor:
-    """An image ``(H, W, C)`` as ``(1, C, H, W)``, float32."""
+    """Return an image ``(H, W, C)`` as ``(1, C, H, W)``, float32."""
     return torch.from_numpy(np.ascontiguousarray(np.moveaxis(image, -1, 0)[None], dtype=np.float32))
 
 

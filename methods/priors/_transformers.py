@@ -43,7 +43,7 @@ class DepthNetwork:
 
 
 def load_depth_network(path: Path) -> tuple[Any, Any]:
-    """The image processor and the network in a folder.
+    """Return the image processor and the network in a folder.
 
     Raises:
         MethodError: ``transformers`` is not installed, or the folder holds no network for depth.

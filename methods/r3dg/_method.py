@@ -101,7 +101,7 @@ def first_surfaces(count: int) -> dict[str, torch.Tensor]:
 
 
 def first_sky(shots: list[ForwardView], settings: R3dgSettings) -> torch.Tensor:
-    """An even one that would make surfaces of that albedo as bright as the photographs."""
+    """Return an even one that would make surfaces of that albedo as bright as the photographs."""
     mean = torch.stack([srgb_decode_tensor(shot.shown).mean(dim=(0, 1)) for shot in shots]).mean(dim=0)
     size = settings.sky_size
     return (mean / ALBEDO).clamp(min=_DARKEST).log().expand(6, size, size, 3).clone()

@@ -47,7 +47,7 @@ class ForwardView:
 
 
 def forward_view(camera: Camera, shown: torch.Tensor, values: Mapping[str, torch.Tensor]) -> ForwardView:
-    """A view of surfels that stand still."""
+    """Return a view of surfels that stand still."""
     eye, rays = torch.tensor(camera.position).float(), torch.tensor(camera.rays()).float()
     return ForwardView(camera, shown, eye, rays, in_view(values, camera))
 
@@ -90,7 +90,7 @@ class R3dgObjective:
 def drawn_layers(
     values: Mapping[str, torch.Tensor], sent: torch.Tensor, rows: torch.Tensor, camera: Camera
 ) -> FeatureMaps:
-    """Base colour, roughness and light, drawn: 4 + C channels, weighted by what surfels cover.
+    """Return base colour, roughness and light, drawn: 4 + C channels, weighted by what surfels cover.
 
     Args:
         values: Parameters by name.

@@ -125,17 +125,19 @@ class R3dgScene(LayeredScene):
         return lit_by_lamps(material, normals, to_eye, arrival).whole.sum(dim=-2)
 
     def lights(self) -> tuple[Light, ...]:
-        """The surroundings, and lamps where they were given: what surfels have for themselves is no light."""
+        """Return the surroundings, and lamps where they were given: what surfels have for themselves is no
+        light.
+        """
         return *(self.given.local if self.given else ()), OWN_SKY
 
     @torch.no_grad()
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
+        """Return the surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
         return to_latitudes(self._sky, HEIGHT)
 
     @torch.no_grad()
     def relight(self, lights: tuple[Light, ...]) -> "R3dgScene":
-        """The same surfels under other lights, their shadows traced, without the light of their own.
+        """Return the same surfels under other lights, their shadows traced, without the light of their own.
 
         Args:
             lights: All that shine then, in true units. The ``image`` of surroundings is the full path of its

@@ -49,7 +49,7 @@ def views_behind(
     effects: Sequence[np.ndarray] | None = None,
     added: Sequence[np.ndarray] | None = None,
 ) -> list[Behind]:
-    """The training views without the object.
+    """Return the training views without the object.
 
     Args:
         capture: The photographs.

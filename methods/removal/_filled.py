@@ -82,7 +82,7 @@ def targets_of(
 
 
 def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dict[int, Target]:
-    """The views with the largest holes, inpainted, by the numbers of the views.
+    """Return the views with the largest holes, inpainted, by the numbers of the views.
 
     Args:
         behind: The training views.
@@ -112,7 +112,7 @@ def own_targets(behind: Sequence[Behind], filled: Mapping[int, Target]) -> list[
 
 
 def _wall(filled: Target) -> BackgroundPoints:
-    """The points in the hole of a filled view, on depths that go on from around it."""
+    """Return the points in the hole of a filled view, on depths that go on from around it."""
     behind = filled.behind
     camera, hole = behind.view.camera, behind.hole
     depth = filled_depth(behind.depth, hole)
@@ -152,7 +152,7 @@ def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
 
 
 def _told(behind: Behind, wall: BackgroundPoints) -> Target:
-    """A view as the wall tells it: its nearest points, each in the pixel that it falls into."""
+    """Return a view as the wall tells it: its nearest points, each in the pixel that it falls into."""
     camera = behind.view.camera
     rows, columns, nearest = seen_points(camera, wall.points)
     inside = behind.hole[rows, columns]

@@ -133,13 +133,13 @@ def pixel_weights(target: Target, inside_share: float) -> np.ndarray:
 
 
 def _alike(quaternions: torch.Tensor) -> torch.Tensor:
-    """The same rotations, shape ``(M, K, 4)``, of signs by which a mean of them is one too."""
+    """Return the same rotations, shape ``(M, K, 4)``, of signs by which a mean of them is one too."""
     unit = torch.nn.functional.normalize(quaternions, dim=-1)
     return torch.where((unit * unit[:, :1]).sum(dim=-1, keepdim=True) < 0, -unit, unit)
 
 
 def _box(mask: np.ndarray) -> np.ndarray:
-    """The smallest box of rows and columns that holds a mask, shape ``(H, W)``, bool."""
+    """Return the smallest box of rows and columns that holds a mask, shape ``(H, W)``, bool."""
     found = np.zeros_like(mask)
     rows, columns = np.nonzero(mask)
     if len(rows):

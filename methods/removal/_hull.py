@@ -21,7 +21,8 @@ _MEDIAN = 5
 def hull_holes(
     behind: Sequence[Behind], masks: Sequence[np.ndarray], grow: float, places: np.ndarray
 ) -> list[Behind]:
-    """The views with other holes: pixels whose surface behind the object lies in the object's grown hull.
+    """Return the views with other holes: pixels whose surface behind the object lies in the object's grown
+    hull.
 
     Behind the object that surface goes on from around it. What of a hole was not in doubt is so now.
 

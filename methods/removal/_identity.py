@@ -56,7 +56,7 @@ def with_identities(start: Parameters, settings: GroupingSettings, seed: int) ->
 
 
 def without_identities(parameters: Parameters) -> Parameters:
-    """The surfels as they would be without what says whose they are."""
+    """Return the surfels as they would be without what says whose they are."""
     surfels = {name: values for name, values in parameters.surfels.items() if name != IDENTITIES}
     shared = {name: values for name, values in parameters.shared.items() if name not in (WEIGHTS, BIASES)}
     return Parameters(surfels, shared)

@@ -116,7 +116,8 @@ def with_wall(
 def wall_surfels(
     left: int, taken: int, wall: BackgroundPoints, features: np.ndarray, settings: RemovalSettings, seed: int
 ) -> Surfels | None:
-    """New surfels on the wall behind the object, as many as there may still be; None where that is none.
+    """Return new surfels on the wall behind the object, as many as there may still be; None where that is
+    none.
 
     Those of the object have made room, also where sparse points alone are more than the limit. None is much
     larger than others in the view that shows it, see :data:`LARGEST`.

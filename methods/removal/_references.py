@@ -21,7 +21,7 @@ def choice_of(settings: RemovalSettings) -> Choice | None:
 
 
 def chosen_references(filled: Mapping[int, Target], count: int) -> dict[int, Target]:
-    """The views out of some that differ most, by pairs.
+    """Return the views out of some that differ most, by pairs.
 
     Of each pair count the difference of their inpainted colours, carried from one hole to the other view, and
     how far apart they look. The released code calls the former consistency and takes the largest sum, so the

@@ -39,7 +39,7 @@ class Emptied:
         return self.before.render(camera, layers)
 
     def remove(self, object_id: int) -> Decomposition:
-        """The scene without the object.
+        """Return the scene without the object.
 
         Raises:
             MethodError: It is another object than the one that the capture names.

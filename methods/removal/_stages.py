@@ -52,7 +52,7 @@ FIRST = "2dgs"
 
 
 def first_settings(settings: SurfelSettings) -> SurfelSettings:
-    """The settings of ``2dgs`` for the first stage."""
+    """Return the settings of ``2dgs`` for the first stage."""
     return SurfelSettings(**{part.name: getattr(settings, part.name) for part in fields(SurfelSettings)})
 
 
@@ -138,7 +138,7 @@ class LaterSteps:
 
 
 def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> EncodedPhotograph:
-    """The target of a view as a fit takes it, in place of the photograph that shows the object.
+    """Return the target of a view as a fit takes it, in place of the photograph that shows the object.
 
     Args:
         target: Of the view.
@@ -152,7 +152,7 @@ def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Encod
 
 
 def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:
-    """The scene as a capture shows it, and without the object that it names."""
+    """Return the scene as a capture shows it, and without the object that it names."""
     assert capture.target is not None, "it was checked"
     whole, emptied = (SurfelScene(parameters, method, capture.exposure) for parameters in (before, after))
     return RemovalScene(whole, emptied, capture.target)

@@ -68,7 +68,7 @@ def check_masks(capture: Capture, masks: Sequence[np.ndarray], grow: float) -> N
 
 
 def widened(mask: np.ndarray, grow: float) -> np.ndarray:
-    """A mask with what is next to it, by a share of the width; an empty one stays empty."""
+    """Return a mask with what is next to it, by a share of the width; an empty one stays empty."""
     radius = round(grow * mask.shape[1])
     return binary_dilation(mask, disk(radius)) if radius else mask
 
@@ -96,7 +96,7 @@ def target_surfels(
 
 
 def with_hull(surfels: Surfels, found: torch.Tensor) -> torch.Tensor:
-    """The surfels that were found to be the object's, and those inside of their hull.
+    """Return the surfels that were found to be the object's, and those inside of their hull.
 
     What no photograph shows, as the inside of the object, is nowhere in masks: all surfels in the convex hull
     of the others are the object's too (Gaussian Grouping: Ye et al. 2024), strays cut before.
@@ -138,7 +138,7 @@ def _inside_hull(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def without_strays(places: np.ndarray) -> np.ndarray:
-    """The places ``(M, 3)`` of an object but those that lie far off."""
+    """Return the places ``(M, 3)`` of an object but those that lie far off."""
     if not len(places):
         return places
     low, high = np.percentile(places, [25, 75], axis=0)

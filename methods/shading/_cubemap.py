@@ -149,7 +149,7 @@ def _inputs(
 
 
 def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Tensor:
-    """A cubemap of an environment.
+    """Return a cubemap of an environment.
 
     Args:
         image: Shape ``(H, W, 3)``, as :class:`graycard.EnvironmentLight` says.
@@ -169,7 +169,9 @@ def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Ten
 
 
 def to_latitudes(cubemap: torch.Tensor, height: int) -> np.ndarray:
-    """The image of a cubemap, shape ``(height, 2 height, 3)``, as :class:`graycard.EnvironmentLight` says."""
+    """Return the image of a cubemap, shape ``(height, 2 height, 3)``, as :class:`graycard.EnvironmentLight`
+    says.
+    """
     polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
     azimuth = np.pi * (np.arange(2 * height) + 0.5)[None, :] / height
     parts = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth
@@ -178,7 +180,7 @@ def to_latitudes(cubemap: torch.Tensor, height: int) -> np.ndarray:
 
 
 def _on_cube(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Unit vectors through points of the faces, shape ``(6, V, U, 3)``."""
+    """Return unit vectors through points of the faces, shape ``(6, V, U, 3)``."""
     forward, right, down = (axes[:, None, None, :] for axes in (_FORWARD, _RIGHT, _DOWN))
     through = forward + u[..., None] * right + v[..., None] * down
     return through / np.linalg.norm(through, axis=-1, keepdims=True)
@@ -189,7 +191,7 @@ def _centres(size: int) -> np.ndarray:
 
 
 def _on_face(directions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Number of the face, and where on it, each coordinate in [-1, 1]."""
+    """Return number of the face, and where on it, each coordinate in [-1, 1]."""
     axis = directions.detach().abs().argmax(dim=-1)
     along = directions.gather(-1, axis[..., None])[..., 0]
     face = 2 * axis + (along < 0)

@@ -36,7 +36,7 @@ def _place(directions, row, axes, size):
 
 @njit(cache=True)
 def _levels(levels, row, count):
-    """The lower of the two cubemaps between which a level is, and how far it is towards the other."""
+    """Return the lower of the two cubemaps between which a level is, and how far it is towards the other."""
     level = min(max(levels[row], levels.dtype.type(0)), levels.dtype.type(count - 1))
     lower = max(min(int(level), count - 1), 0)  # no level is none of a number
     return lower, level - lower
@@ -76,7 +76,7 @@ def seen(texels, bordered, sizes, directions, levels, axes, found):
 def seen_backward(
     texels, bordered, sizes, directions, levels, axes, to_found, to_texels, to_directions, to_levels
 ):
-    """The way back of :func:`seen`.
+    """Write the gradients of :func:`seen`.
 
     A level that is that of a cubemap, or beyond the ends, has a gradient of 0.
 

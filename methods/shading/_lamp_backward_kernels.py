@@ -105,7 +105,7 @@ def through_smith(shadowed, root, cosine, squared, to_shadowed):
 
 @njit(**INLINED, **BORROWING)
 def through_facets(normal, eye, toward, front, squared, glossy):
-    """The glossy lobe without Fresnel's term, and what turns its gradient into those of others.
+    """Return the glossy lobe without Fresnel's term, and what turns its gradient into those of others.
 
     ``glossy`` holds the cosines at the eye and at the light, and what ``facets_of`` says.
 
@@ -232,7 +232,7 @@ def store_gradients(surfaces, at, found, to_surfaces):
 
 @njit(cache=True)
 def lit_backward(surfaces, lamps, softened, upstream, sums, to_surfaces):
-    """The way back of :func:`graycard.methods.shading._lamp_kernels.lit`.
+    """Write the gradients of :func:`graycard.methods.shading._lamp_kernels.lit`.
 
     Args:
         surfaces: as there.

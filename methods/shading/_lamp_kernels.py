@@ -57,7 +57,7 @@ class LampRows(NamedTuple):
 
 @njit(**INLINED, **BORROWING)
 def number(value):
-    """A number in all lanes."""
+    """Return a number in all lanes."""
     return simd.broadcast(np.float32(value))
 
 
@@ -69,19 +69,19 @@ def triple_of(array, at):
 
 @njit(**INLINED, **BORROWING)
 def dot(a, b):
-    """The product of two triples."""
+    """Return the product of two triples."""
     return simd.fma(a[2], b[2], simd.fma(a[1], b[1], a[0] * b[0]))
 
 
 @njit(**INLINED, **BORROWING)
 def scaled(factor, a):
-    """A triple times a vector of numbers."""
+    """Return a triple times a vector of numbers."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 @njit(**INLINED, **BORROWING)
 def added(a, factor, b):
-    """``a + factor b``."""
+    """Return ``a + factor b``."""
     return simd.fma(factor, b[0], a[0]), simd.fma(factor, b[1], a[1]), simd.fma(factor, b[2], a[2])
 
 
@@ -93,7 +93,7 @@ def times(a, b):
 
 @njit(**INLINED, **BORROWING)
 def way_to(lamps, lamp, points, softened):
-    """The unit direction to a lamp, one over its distance, and by what its intensity is multiplied."""
+    """Return the unit direction to a lamp, one over its distance, and by what its intensity is multiplied."""
     place, one = triple_of(lamps.positions, 3 * lamp), number(1.0)
     away = place[0] - points[0], place[1] - points[1], place[2] - points[2]
     squared = simd.maximum(dot(away, away), number(NEAREST))
@@ -122,7 +122,7 @@ def intensity_of(lamps, lamp, lobes, toward):
 
 @njit(**INLINED, **BORROWING)
 def unit_vector(array, at):
-    """A triple of length 1, and one over the length that it had."""
+    """Return a triple of length 1, and one over the length that it had."""
     read = simd.load_line(array, 3 * at, TRIPLE)
     over = number(1.0) / simd.maximum(simd.square_root(dot(read, read)), number(SHORTEST))
     return scaled(over, read), over
@@ -130,7 +130,7 @@ def unit_vector(array, at):
 
 @njit(**INLINED, **BORROWING)
 def along(vector, toward):
-    """The cosine between the vector of what is in the way and a direction, 0 where it is less; and its
+    """Return the cosine between the vector of what is in the way and a direction, 0 where it is less; and its
     seventh power.
     """
     cosine = simd.maximum(dot(vector, toward), number(0.0))
@@ -188,7 +188,9 @@ def place_at(surfaces, at):
 
 @njit(**INLINED, **BORROWING)
 def vector_at(surfaces, at):
-    """The vector of what is in the way, and one over the length that it had; zeros where there is none."""
+    """Return the vector of what is in the way, and one over the length that it had; zeros where there is
+    none.
+    """
     zero = number(0.0)
     if surfaces.vector.size > 0:
         return unit_vector(surfaces.vector, at)

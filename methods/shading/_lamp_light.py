@@ -148,7 +148,7 @@ class _Lit(torch.autograd.Function):
 
 
 def _surfaces(rows: Any, still: _Still) -> Any:
-    """The surfaces as the kernels read them: the last fill a vector."""
+    """Return the surfaces as the kernels read them: the last fill a vector."""
     from graycard.methods.shading._lamp_kernels import LANES, Surfaces
 
     normal, base_color, roughness, metallic, vector = rows

@@ -44,7 +44,7 @@ class Lamps:
             )
 
     def __len__(self) -> int:
-        """The number of lamps."""
+        """Return the number of lamps."""
         return len(self.positions)
 
     def __getitem__(self, index: torch.Tensor | slice) -> "Lamps":
@@ -167,7 +167,7 @@ def _lobes_of(light: GaussianLight | PointLight) -> tuple[SphericalGaussian, ...
 
 
 def lights_of(lamps: Lamps, names: Sequence[str]) -> tuple[GaussianLight, ...]:
-    """The lamps as lights of the world, one a name, with unit axes in float64.
+    """Return the lamps as lights of the world, one a name, with unit axes in float64.
 
     Raises:
         ValueError: There are not as many names as lamps.

@@ -70,7 +70,8 @@ class Lobes(NamedTuple):
 
 
 def scattering(material: Material, normal: torch.Tensor, eye: torch.Tensor, light: torch.Tensor) -> Lobes:
-    """The material times the cosine at the light, ``f(l, v) n.l``: what is returned of light that faces it.
+    """Return the material times the cosine at the light, ``f(l, v) n.l``: what is returned of light that
+    faces it.
 
     All shapes are broadcast against each other. Where the eye or the light is behind the surface, it is 0.
 

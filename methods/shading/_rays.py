@@ -84,7 +84,7 @@ def _cosine_directions(normals: torch.Tensor) -> torch.Tensor:
 
 
 def outward(surfels: Surfels, eyes: torch.Tensor) -> torch.Tensor:
-    """Normals of the surfels to the side of most eyes, shape ``(N, 3)``, world, unit.
+    """Return normals of the surfels to the side of most eyes, shape ``(N, 3)``, world, unit.
 
     Args:
         surfels: N of them.

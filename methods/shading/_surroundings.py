@@ -69,7 +69,9 @@ def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
 
 
 def _from_each_face(sky: torch.Tensor) -> torch.Tensor:
-    """The texels of a sky with the cube turned so that each face in its turn is the first, ``(T, 6, 3)``."""
+    """Return the texels of a sky with the cube turned so that each face in its turn is the first, ``(T, 6,
+    3)``.
+    """
     channels = sky.shape[-1]
     texels = sky.reshape(-1, channels).index_select(0, _order_from_each_face(sky.shape[1]).to(sky.device))
     return texels.reshape(-1, 6, channels)
@@ -81,7 +83,7 @@ def _order_from_each_face(size: int) -> torch.Tensor:
 
 
 def _filtered(around: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:
-    """A cubemap of which each face is filtered by the kernel of the first.
+    """Return a cubemap of which each face is filtered by the kernel of the first.
 
     Args:
         around: Of :func:`_from_each_face`.
@@ -233,7 +235,8 @@ def _table(rows: int = 33, columns: int = 33, samples: int = 64) -> torch.Tensor
 def _seen_facets(
     alpha: torch.Tensor, cos_v: torch.Tensor, radius: torch.Tensor, angle: torch.Tensor
 ) -> torch.Tensor:
-    """Normals of the microfacets that an eye in the xz plane sees, of the shapes broadcast and ``(3,)``.
+    """Return normals of the microfacets that an eye in the xz plane sees, of the shapes broadcast and
+    ``(3,)``.
 
     ``radius`` and ``angle`` are places on a disc, which they fill as evenly as the eye sees their facets.
     """

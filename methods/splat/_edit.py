@@ -36,7 +36,7 @@ def moved_surfels(
 
 
 def joined_surfels(scene: Parameters, guests: Mapping[str, torch.Tensor]) -> Parameters:
-    """A scene with further surfels in it.
+    """Return a scene with further surfels in it.
 
     Args:
         scene: What is no surfel's stays as it is.

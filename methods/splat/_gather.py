@@ -16,7 +16,7 @@ through it a little, and would else be inside of its masks."""
 
 
 def gather(surfels: Surfels, camera: Camera, image: torch.Tensor) -> torch.Tensor:
-    """Sums of an image over pixels, each weighted by what a surfel gives to it.
+    """Return sums of an image over pixels, each weighted by what a surfel gives to it.
 
     A surfel gives its alpha times what shines through those in front of it: the sums are the gradients of the
     drawn channels times the image with respect to the surfel's own.

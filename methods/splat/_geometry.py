@@ -64,6 +64,8 @@ def box_centres(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
 
 
 def disc_to_image(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
-    """The transposed M = K [s_u t_u, s_v t_v, mu], shape ``(N, 3, 3)``: from ``(u, v, 1)`` to the image."""
+    """Return the transposed M = K [s_u t_u, s_v t_v, mu], shape ``(N, 3, 3)``: from ``(u, v, 1)`` to the
+    image.
+    """
     columns = torch.cat([seen.axes * seen.scales[:, :, None], seen.centres[:, None]], dim=1)
     return columns @ columns.new_tensor(camera.K).T

@@ -75,7 +75,7 @@ class Traced:
 
 
 def camera_rays(camera: Camera, dtype: torch.dtype = torch.float32) -> Rays:
-    """The rays through the centres of a camera's pixels, row by row.
+    """Return the rays through the centres of a camera's pixels, row by row.
 
     Args:
         camera: The pinhole camera.

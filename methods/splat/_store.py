@@ -117,7 +117,7 @@ def _write_ply(path: Path, surfels: Surfels, coefficients: torch.Tensor, scale_a
 
 
 def _ply_columns(surfels: Surfels, coefficients: torch.Tensor, scale_axes: int) -> dict[str, np.ndarray]:
-    """The columns by their names in the field, in the order in which they are written."""
+    """Return the columns by their names in the field, in the order in which they are written."""
     nearly = torch.finfo(torch.float32).eps  # of opacity 0 and 1, whose logits are infinite
     logits = torch.logit(surfels.opacities.double(), eps=nearly)
     normals = torch.zeros_like(surfels.centres)  # the format has them, and leaves them empty

@@ -61,7 +61,7 @@ class Primitives:
         )
 
     def _tail(self, name: str) -> tuple[int | None, ...]:
-        """The shape of one of them in a tensor; None is any number."""
+        """Return the shape of one of them in a tensor; None is any number."""
         tails = {
             "centres": (3,),
             "rotations": (4,),

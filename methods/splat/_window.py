@@ -19,11 +19,11 @@ class Window(NamedTuple):
     right: int
 
     def of(self, image: torch.Tensor) -> torch.Tensor:
-        """The part of an image of shape ``(H, W, ...)``."""
+        """Return the part of an image of shape ``(H, W, ...)``."""
         return image[self.top : self.bottom, self.left : self.right]
 
     def camera(self, camera: Camera) -> Camera:
-        """A camera that sees this part alone, with the same rays."""
+        """Return a camera that sees this part alone, with the same rays."""
         moved = np.array([[0, 0, self.left], [0, 0, self.top], [0, 0, 0]])
         size = self.right - self.left, self.bottom - self.top
         return Camera(*size, camera.K - moved, camera.camera_to_world)

@@ -78,7 +78,7 @@ def clearing_of(capture: Capture, guesses: Sequence[GeometryGuess], share: float
 
 
 def scaled_depth(guess: np.ndarray, pixels: np.ndarray, depths: np.ndarray) -> np.ndarray | None:
-    """A prior's depth in metres: times the median of what sparse points say that is missing.
+    """Return a prior's depth in metres: times the median of what sparse points say that is missing.
 
     Args:
         guess: Shape ``(H, W)``, above 0, of any scale; infinite where it knows nothing.

@@ -90,7 +90,7 @@ class Lighting:
         return (_linear(picture, self.settings.space).clamp(min=0) / self.exposure).numpy()
 
     def lights(self, values: Mapping[str, torch.Tensor]) -> tuple[Light, ...]:
-        """The given lights, or the lamp as a point light.
+        """Return the given lights, or the lamp as a point light.
 
         It is at its place in camera axes, as strong as along the optical axis. The model gives what arrives
         over albedo, ``i``; a point light of the intensity I sends ``I / (pi d^2)`` to a matte surface at the
@@ -109,7 +109,10 @@ class Lighting:
 
 
 def local_lights(lights: Sequence[Light]) -> tuple[LocalLight, ...] | None:
-    """The lights, if each has a place; else None: of a whole environment this model knows one colour."""
+    """Return the lights, if each has a place.
+
+    Else None: of a whole environment this model knows one colour.
+    """
     local = tuple(light for light in lights if not isinstance(light, EnvironmentLight))
     return local if len(local) == len(lights) else None
 

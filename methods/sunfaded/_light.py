@@ -25,7 +25,7 @@ NETWORK = tuple(f"lamp {kind} {n}" for n in range(len(_LAYERS)) for kind in ("we
 
 
 def lamp_parameters(seed: int, level: torch.Tensor | None = None) -> dict[str, torch.Tensor]:
-    """A lamp in the middle of the lens, and a network that has learnt nothing.
+    """Return a lamp in the middle of the lens, and a network that has learnt nothing.
 
     Weights and biases are uniform within one over the root of the number of inputs, as ``torch.nn.Linear``
     begins.

@@ -83,7 +83,7 @@ def _train_config(
 
 @torch.no_grad()
 def _reach(parameters: Parameters, views: Sequence[DisplayedPhotograph], settings: SunFadedSettings) -> float:
-    """The median over views of the depth in the middle of the picture, metres."""
+    """Return the median over views of the depth in the middle of the picture, metres."""
     middles = []
     for view in views:
         depth = draw(parameters.all, view.camera, settings).depth

@@ -47,7 +47,7 @@ def draw(
     settings: SunFadedSettings,
     offsets: torch.Tensor | None = None,
 ) -> Maps:
-    """The surfels' albedo, depth and normals as a camera sees them.
+    """Return the surfels' albedo, depth and normals as a camera sees them.
 
     With shading ``surfel`` three more channels follow the albedo: what each surfel reflects of the lamp.
     """

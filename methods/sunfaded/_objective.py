@@ -43,7 +43,7 @@ class DisplayedPhotograph:
 
 
 def photographs(capture: Capture, settings: SunFadedSettings) -> list[DisplayedPhotograph]:
-    """The training views, exposed, encoded and weighted."""
+    """Return the training views, exposed, encoded and weighted."""
     found = []
     for view in capture.train:
         exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)

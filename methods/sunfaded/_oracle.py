@@ -46,7 +46,7 @@ class OracleSunFadedSettings:
         self.whole()
 
     def whole(self) -> SunFadedSettings:
-        """The same for the model, whose other settings are about surfels."""
+        """Return the same for the model, whose other settings are about surfels."""
         return SunFadedSettings(
             iterations=self.iterations, space=self.space, light_map=self.light_map, tile=self.tile,
             ambient=self.ambient,
@@ -86,11 +86,11 @@ class OracleSunFadedScene:
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...] | None:
-        """The lamp, as a point light; see :meth:`Lighting.lights`."""
+        """Return the lamp, as a point light; see :meth:`Lighting.lights`."""
         return self.lighting.lights(self.values)
 
     def relight(self, lights: tuple[Light, ...]) -> "OracleSunFadedScene | None":
-        """The true surfaces under given lights; None for surroundings."""
+        """Return the true surfaces under given lights; None for surroundings."""
         given = local_lights(lights)
         return None if given is None else replace(self, lighting=replace(self.lighting, given=given))
 
@@ -144,7 +144,7 @@ class OracleSunFadedMethod:
         return OracleSunFadedScene(surfaces, values, Lighting(whole, capture.exposure, float(reach)))
 
     def load(self, folder: Path) -> OracleSunFadedScene:
-        """A saved decomposition.
+        """Return a saved decomposition.
 
         Raises:
             MethodError: It is missing, damaged, or of another method.
@@ -222,7 +222,7 @@ def fit_lights(
 
 
 def as_drawn(surfaces: Mapping[str, np.ndarray], space: Space) -> Maps:
-    """True surfaces as if surfels had been drawn: opaque where something is seen.
+    """Return true surfaces as if surfels had been drawn: opaque where something is seen.
 
     Args:
         surfaces: ``base_color`` and ``normal``, shape ``(H, W, 3)``, and ``depth``, ``(H, W)``.

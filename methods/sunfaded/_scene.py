@@ -41,11 +41,11 @@ class SunFadedScene(LayeredScene):
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...] | None:
-        """The lamp, as a point light; see :meth:`Lighting.lights`."""
+        """Return the lamp, as a point light; see :meth:`Lighting.lights`."""
         return self.lighting.lights(self.parameters.all)
 
     def relight(self, lights: tuple[Light, ...]) -> "SunFadedScene | None":
-        """The same surfels under lights that are known: their falloff, beam and place are not learnt.
+        """Return the same surfels under lights that are known: their falloff, beam and place are not learnt.
 
         The found lamp and the light that stays are gone. What is known of the given ones takes the place of
         ``i``, so a picture is right up to the gain of the albedo. Nothing casts a shadow or lights another.

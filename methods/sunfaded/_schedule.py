@@ -39,7 +39,7 @@ LIGHT_RATE, LAMP_END, AMBIENT_END = 2.5e-3, 2.5e-4, 2.5e-5
 
 
 def stage_at(share: float, schedule: Schedule) -> FitStage:
-    """The stage when a share of the budget, below 1, is spent."""
+    """Return the stage when a share of the budget, below 1, is spent."""
     return next(stage for stage in FitStage if share < ENDS[schedule][stage])
 
 

@@ -14,7 +14,7 @@ from graycard.methods.surfels._start import SKY
 
 
 def composed(drawn: FeatureMaps, sky: torch.Tensor, values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """The encoded picture: surfels over the sky.
+    """Return the encoded picture: surfels over the sky.
 
     Args:
         drawn: Features of three channels, encoded, and alpha.
@@ -36,7 +36,7 @@ class _Over(torch.autograd.Function):
     def forward(
         ctx: Any, features: torch.Tensor, alpha: torch.Tensor, sky: torch.Tensor, weights: torch.Tensor
     ) -> torch.Tensor:
-        """The picture."""
+        """Return the picture."""
         from graycard.methods.surfels._compose_kernels import over_sky  # Numba takes long to import
 
         ctx.save_for_backward(alpha, sky, weights)

@@ -53,7 +53,7 @@ def _over_sky(part, parts, features, alpha, basis, weights, picture):
 
 @njit(cache=True)
 def from_over_sky(to_picture, alpha, basis, weights, to_alpha, sums):
-    """The way back; features have the gradient of the picture.
+    """Write the gradients; features have that of the picture.
 
     Args:
         to_picture: ``(P, 3)``.

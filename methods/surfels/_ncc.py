@@ -101,7 +101,10 @@ def _rank_some(part, parts, mine, own, theirs, pair, inverse, half, best):
 
 @njit(error_model="numpy", **UNWRAPPED)
 def _warp(image, pair, inverse, warped, seen):
-    """An image as the view would see it, bilinear, continued beyond its border; and where it is inside."""
+    """Write an image as the view would see it, bilinear, continued beyond its border.
+
+    And where it is inside.
+    """
     homography, epipole = pair
     height, width = image.shape
     for row in range(inverse.shape[0]):

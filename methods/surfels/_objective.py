@@ -66,7 +66,7 @@ class EncodedPhotograph:
     nowhere, or nobody knows."""
 
     def at(self, window: Window) -> "EncodedPhotograph":
-        """A part of the view."""
+        """Return a part of the view."""
         weight, full = (None if x is None else window.of(x) for x in (self.weight, self.full))
         return EncodedPhotograph(
             window.camera(self.camera), window.of(self.encoded), window.of(self.sky), weight, full
@@ -80,7 +80,7 @@ class EncodedPhotograph:
 
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:
-    """The training views, exposed and encoded, and where they are full if exposures differ."""
+    """Return the training views, exposed and encoded, and where they are full if exposures differ."""
     found = []
     for view in capture.train:
         linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
@@ -115,7 +115,7 @@ def sky_basis(camera: Camera, degree: int) -> torch.Tensor:
 
 
 def colours(values: Mapping[str, torch.Tensor], eye: np.ndarray, degree: int) -> torch.Tensor:
-    """Encoded colours of the surfels as an eye sees them, shape ``(N, 3)``."""
+    """Return encoded colours of the surfels as an eye sees them, shape ``(N, 3)``."""
     coefficients = torch.cat([values[COEFFICIENTS], values[DETAIL]], dim=1)
     return spherical_harmonics_colours(coefficients, values[CENTRES], eye, degree) + 0.5
 
@@ -165,7 +165,7 @@ class SurfelObjective:
 
 
 def disagreement(drawn: Maps, camera: Camera, weights: tuple[float, float]) -> torch.Tensor:
-    """Normals that are not those of the depth, and surfels that are spread along rays.
+    """Return normals that are not those of the depth, and surfels that are spread along rays.
 
     Args:
         drawn: What ``camera`` sees.

@@ -98,7 +98,9 @@ def plane_depth(camera: Camera, plane: np.ndarray) -> np.ndarray:
 
 
 def _sure_points(views: Sequence[SweptView], swept: Sequence[SweptDepth]) -> tuple[np.ndarray, np.ndarray]:
-    """Some of the points that stereo is sure of, world, and how far they are from their cameras, metres."""
+    """Return some of the points that stereo is sure of, world, and how far they are from their cameras,
+    metres.
+    """
     found, reach = [], []
     for view, one in zip(views, swept, strict=True):
         rays = view.camera.rays()[one.sure]
@@ -111,7 +113,7 @@ def _sure_points(views: Sequence[SweptView], swept: Sequence[SweptDepth]) -> tup
 
 
 def _largest(points: np.ndarray, tolerance: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """The best of many planes through three points near each other, fitted to all that it holds."""
+    """Return the best of many planes through three points near each other, fitted to all that it holds."""
     first = random.integers(len(points), size=TRIALS)
     others = (first[:, None] + random.integers(1, NEARBY, size=(TRIALS, 2))) % len(points)
     a, b, c = points[first], points[others[:, 0]], points[others[:, 1]]
@@ -157,7 +159,7 @@ def _score_some(part, parts, points, tolerance, normals, offsets, scores):
 
 
 def _fitted(points: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """The plane of least squares; the one that was, if there are too few points."""
+    """Return the plane of least squares; the one that was, if there are too few points."""
     if len(points) < 3:
         return plane
     mean = points.mean(axis=0)

@@ -67,7 +67,9 @@ class SurfelScene(LayeredScene):
 
 
 def all_colours(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
-    """Encoded colours of the surfels as a camera sees them, with all their harmonics, shape ``(N, 3)``."""
+    """Return encoded colours of the surfels as a camera sees them, with all their harmonics, shape ``(N,
+    3)``.
+    """
     return colours(values, camera.position, _degree(values[DETAIL].shape[1] + 1))
 
 
@@ -102,7 +104,7 @@ def export_colours(path: Path, parameters: Parameters) -> None:
 
 
 def _degree(count: int) -> int:
-    """The degree of so many harmonics."""
+    """Return the degree of so many harmonics."""
     degrees = {coefficient_count(degree): degree for degree in range(4)}
     if count not in degrees:
         raise ValueError(f"expected {', '.join(map(str, degrees))} harmonics, got {count}")
@@ -115,7 +117,10 @@ def depth_layer(drawn: Maps | GaussianMaps) -> np.ndarray:
 
 
 def normal_layer(drawn: Maps, camera: Camera) -> np.ndarray:
-    """Unit normals in the world, shape ``(H, W, 3)``; those that face the camera where no surfel is."""
+    """Return unit normals in the world, shape ``(H, W, 3)``.
+
+    Those that face the camera where no surfel is.
+    """
     normals = drawn.normal.numpy()
     lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
     facing = -camera.rays().astype(np.float32)

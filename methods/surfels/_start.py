@@ -68,7 +68,9 @@ def sparse_discs(
 
 
 def _toward_cameras(capture: Capture, points: Points) -> np.ndarray:
-    """The mean direction from each point to the cameras that found it, shape ``(N, 3)``, of any length."""
+    """Return the mean direction from each point to the cameras that found it, shape ``(N, 3)``, of any
+    length.
+    """
     eyes = np.array([view.camera.position for view in capture.views])
     toward = np.zeros_like(points.positions)
     away = eyes[points.view] - points.positions[points.point]

@@ -69,7 +69,7 @@ def sweep_depth(views: Sequence[SweptView], number: int) -> np.ndarray:
 
 
 def partners_of(views: Sequence[SweptView], number: int) -> list[int]:
-    """The views that look from nearby in about the same direction, nearest first."""
+    """Return the views that look from nearby in about the same direction, nearest first."""
     here = views[number].camera
     away = [float(np.linalg.norm(v.camera.position - here.position)) for v in views]
     turned = [np.degrees(np.arccos(np.clip(v.camera.forward @ here.forward, -1, 1))) for v in views]
@@ -78,7 +78,7 @@ def partners_of(views: Sequence[SweptView], number: int) -> list[int]:
 
 
 def _swept(view: SweptView, partners: Sequence[SweptView]) -> np.ndarray:
-    """The depth at which the partners look most alike, shape ``(H, W)``; NaN without partners."""
+    """Return the depth at which the partners look most alike, shape ``(H, W)``; NaN without partners."""
     if not partners:
         return np.full(view.grey.shape, np.nan)
     inverse = np.linspace(1 / view.far, 1 / view.near, PLANES)

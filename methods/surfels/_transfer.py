@@ -18,7 +18,7 @@ way."""
 
 
 def transfer(camera: Camera, other: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """The homography of the plane at infinity, shape ``(3, 3)``, and the epipole, ``(3,)``, metres."""
+    """Return the homography of the plane at infinity, shape ``(3, 3)``, and the epipole, ``(3,)``, metres."""
     onto = other.K @ other.world_to_camera[:3, :3]
     homography = onto @ camera.camera_to_world[:3, :3] @ np.linalg.inv(camera.K)
     epipole = onto @ camera.position + other.K @ other.world_to_camera[:3, 3]
@@ -46,7 +46,7 @@ def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndar
 
 @njit(**INLINED)
 def transferred(homography, x, y):
-    """A pixel at infinity in the other image, homogeneous."""
+    """Return a pixel at infinity in the other image, homogeneous."""
     return (
         homography[0, 0] * x + homography[0, 1] * y + homography[0, 2],
         homography[1, 0] * x + homography[1, 1] * y + homography[1, 2],

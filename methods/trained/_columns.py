@@ -45,7 +45,7 @@ def splat_of(
     primitive: Primitive | None = None,
     comments: Sequence[str] = (),
 ) -> TrainedSplat:
-    """The splat that columns by name describe.
+    """Return the splat that columns by name describe.
 
     Args:
         columns: One number a Gaussian each, in any type.
@@ -145,7 +145,9 @@ def _refuse(bad: np.ndarray, names: Sequence[str], path: Path, rule: str) -> Non
 
 
 def _sizes(columns: Mapping[str, np.ndarray], names: Sequence[str], path: Path) -> np.ndarray:
-    """Standard deviations, ``(N, axes)``: exp of what is stored, where minus infinity is an empty axis."""
+    """Return standard deviations, ``(N, axes)``: exp of what is stored, where minus infinity is an empty
+    axis.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         sizes = np.exp(np.stack([columns[name] for name in names], axis=1).astype(np.float64))
     _refuse(~(sizes <= LARGEST), names, path, f"logarithms of sizes up to {LARGEST:g}")
@@ -153,7 +155,7 @@ def _sizes(columns: Mapping[str, np.ndarray], names: Sequence[str], path: Path) 
 
 
 def _turns(columns: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
-    """Unit quaternions, ``(N, 4)``; one of length zero turns nothing, as in INRIA's code."""
+    """Return unit quaternions, ``(N, 4)``; one of length zero turns nothing, as in INRIA's code."""
     turns = _block(columns, TURN, path).astype(np.float64)
     lengths = np.linalg.norm(turns, axis=1, keepdims=True)
     none = lengths == 0
@@ -161,7 +163,7 @@ def _turns(columns: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
 
 
 def _opacities(columns: Mapping[str, np.ndarray], path: Path) -> np.ndarray:
-    """The sigmoid of what is stored, ``(N,)``; infinite logits are those of 0 and 1."""
+    """Return the sigmoid of what is stored, ``(N,)``; infinite logits are those of 0 and 1."""
     with np.errstate(over="ignore", invalid="ignore"):
         logits = np.asarray(columns["opacity"], dtype=np.float64)
         _refuse(np.isnan(logits)[:, None], ["opacity"], path, "logits of opacities")

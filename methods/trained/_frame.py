@@ -31,7 +31,9 @@ class Frame:
     """Units of the splat a metre."""
 
     def camera(self, camera: Camera) -> Camera:
-        """The same camera in the world of the splat: what is seen there is what is seen here, scaled."""
+        """Return the same camera in the world of the splat: what is seen there is what is seen
+        here, scaled.
+        """
         pose = np.eye(4)
         pose[:3, :3] = self.turn @ camera.camera_to_world[:3, :3]
         pose[:3, 3] = self.scale * self.turn @ camera.position + self.shift
@@ -113,7 +115,7 @@ def _of_matrix(path: Path) -> np.ndarray:
 
 
 def _numbers(values: object, path: Path, shape: Sequence[int]) -> np.ndarray:
-    """An array of a shape, from nested or flat lists."""
+    """Return an array of a shape, from nested or flat lists."""
     try:
         found = np.array(values, dtype=np.float64)
         return found.reshape(shape)
@@ -124,7 +126,7 @@ def _numbers(values: object, path: Path, shape: Sequence[int]) -> np.ndarray:
 
 
 def _similarity(matrix: np.ndarray, path: Path) -> Frame:
-    """The parts of a matrix.
+    """Return the parts of a matrix.
 
     Raises:
         DatasetError: It mirrors, shears, or scales axes differently.

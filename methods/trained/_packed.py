@@ -35,7 +35,7 @@ def is_packed(elements: Mapping[str, np.ndarray]) -> bool:
 
 
 def unpacked(elements: Mapping[str, np.ndarray], path: Path) -> dict[str, np.ndarray]:
-    """The columns of INRIA's layout, float64.
+    """Return the columns of INRIA's layout, float64.
 
     Raises:
         DatasetError: An element or a property is missing, has another type, or too few rows.
@@ -82,7 +82,7 @@ def _named(names: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _share(words: np.ndarray, shift: int, bits: int) -> np.ndarray:
-    """Some bits of words as a share of the most that they can be."""
+    """Return some bits of words as a share of the most that they can be."""
     most = (1 << bits) - 1
     return ((words >> np.uint32(shift)) & np.uint32(most)) / most
 

@@ -65,7 +65,7 @@ def _columns(elements: dict[str, np.ndarray], path: Path) -> dict[str, np.ndarra
 
 
 def _records(path: Path) -> dict[str, np.ndarray]:
-    """The columns of INRIA's layout, of a file without a header."""
+    """Return the columns of INRIA's layout, of a file without a header."""
     try:
         data = read_bytes(path)
     except OSError as cause:

@@ -44,7 +44,7 @@ def write_splat(path: Path, splat: TrainedSplat, kind: SplatFormat) -> None:
 
 
 def _records(surfels: Surfels, coefficients: torch.Tensor) -> np.ndarray:
-    """The largest and most opaque first, as viewers load them."""
+    """Return the largest and most opaque first, as viewers load them."""
     weight = surfels.opacities * surfels.scales.prod(dim=1)
     order = torch.argsort(weight, descending=True, stable=True)
     rows = np.zeros(len(surfels), RECORD)

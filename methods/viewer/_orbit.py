@@ -71,7 +71,7 @@ def _of_surfels(centres: np.ndarray) -> tuple[np.ndarray, float, float]:
 
 
 def _of_cameras(cameras: Sequence[Camera], up: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """The point that is nearest to all optical axes, and where the median camera stands about it."""
+    """Return the point that is nearest to all optical axes, and where the median camera stands about it."""
     sides = [np.eye(3) - np.outer(c.forward, c.forward) for c in cameras]
     positions = np.stack([c.position for c in cameras])
     sums = np.sum(sides, axis=0) + 1e-3 * np.eye(3)  # parallel axes meet nowhere: then near the cameras

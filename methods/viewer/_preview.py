@@ -40,7 +40,7 @@ def _bytes(values: np.ndarray) -> np.ndarray:
 
 
 def brightest(values: np.ndarray) -> float:
-    """The value that becomes white where there is no bound, above 0."""
+    """Return the value that becomes white where there is no bound, above 0."""
     finite = values[np.isfinite(values)]
     return max(float(np.percentile(finite, BRIGHT)) if finite.size else 1.0, 1e-9)
 

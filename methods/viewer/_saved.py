@@ -31,7 +31,7 @@ def is_saved(folder: Path) -> bool:
 
 
 def saved_surfels(folder: Path) -> TrainedSplat:
-    """The surfels of a saved decomposition, in the colours that viewers show; no method is imported.
+    """Return the surfels of a saved decomposition, in the colours that viewers show; no method is imported.
 
     Raises:
         MethodError: There is none, or one without surfels.
@@ -48,7 +48,7 @@ def saved_surfels(folder: Path) -> TrainedSplat:
 
 
 def open_fitted(folder: Path) -> Fitted:
-    """A saved decomposition that can be rendered.
+    """Return a saved decomposition that can be rendered.
 
     Code of others is not imported for the name in a file: of the methods only graycard's own are opened.
 

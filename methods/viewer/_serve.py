@@ -177,7 +177,7 @@ def _quaternion(camera: Camera) -> np.ndarray:
 
 
 def _camera_of(seen: CameraHandle) -> Camera:
-    """The camera of a browser; viser's axes are those of OpenCV."""
+    """Return the camera of a browser; viser's axes are those of OpenCV."""
     from scipy.spatial.transform import Rotation
 
     width, pose = max(int(SIDE * seen.aspect), 1), np.eye(4)

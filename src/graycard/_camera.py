@@ -45,7 +45,7 @@ class Camera:
 
     @staticmethod
     def from_fov(width: int, height: int, fov_x: float, camera_to_world: np.ndarray) -> "Camera":
-        """A camera with a centred principal point and square pixels; ``fov_x`` in degrees."""
+        """Return a camera with a centred principal point and square pixels; ``fov_x`` in degrees."""
         focal = 0.5 * width / np.tan(np.radians(fov_x) / 2)
         K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
         return Camera(width, height, K, camera_to_world)
@@ -128,7 +128,7 @@ class Camera:
 
 
 def look_at(origin: np.ndarray, target: np.ndarray, up: tuple[float, float, float] = (0, 0, 1)) -> np.ndarray:
-    """The pose of a camera at ``origin`` that looks at ``target``, shape ``(4, 4)``, OpenCV axes.
+    """Return the pose of a camera at ``origin`` that looks at ``target``, shape ``(4, 4)``, OpenCV axes.
 
     Raises:
         ValueError: The target is the origin, or the view is along ``up``.

@@ -58,7 +58,7 @@ class Capture:
         return tuple(v for v in self.views if v.split == "test")
 
     def view(self, name: str) -> View:
-        """The view of a name.
+        """Return the view of a name.
 
         Raises:
             UnknownNameError: There is none.
@@ -66,7 +66,7 @@ class Capture:
         return find_view(self.views, name)
 
     def photograph(self, view: View) -> np.ndarray:
-        """The linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
+        """Return the linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
 
         Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
 
@@ -115,7 +115,7 @@ class Capture:
 
 
 def of_size(image: np.ndarray, view: View, path: Path) -> np.ndarray:
-    """The image ``(H, W, ...)`` of a file, if it is as large as the camera of its view.
+    """Return the image ``(H, W, ...)`` of a file, if it is as large as the camera of its view.
 
     Raises:
         DatasetError: It is larger or smaller.
@@ -130,7 +130,7 @@ def of_size(image: np.ndarray, view: View, path: Path) -> np.ndarray:
 
 
 def find_view(views: tuple[View, ...], name: str) -> View:
-    """The view of a name.
+    """Return the view of a name.
 
     Raises:
         UnknownNameError: There is none.
@@ -142,7 +142,7 @@ def find_view(views: tuple[View, ...], name: str) -> View:
 
 
 def file_of(root: Path | None, name: str) -> Path:
-    """A file of a capture or a truth that was opened.
+    """Return a file of a capture or a truth that was opened.
 
     Raises:
         DatasetError: It is in memory only, or the name leads out of the folder.

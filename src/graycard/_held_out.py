@@ -43,7 +43,8 @@ class HeldOut:
         return 1.0 if self.sensor is None else self.sensor.exposure(view.name)
 
     def photograph(self, view: View) -> np.ndarray:
-        """The linear photograph of a held-out view, shape ``(H, W, 3)``, float32, in the capture's unit.
+        """Return the linear photograph of a held-out view, shape ``(H, W, 3)``, float32, in the capture's
+        unit.
 
         Raises:
             DatasetError: It has none, or the file is broken or of another size than the camera.

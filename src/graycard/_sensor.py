@@ -46,5 +46,5 @@ class Sensor:
             raise ValueError(f"expected finite exposures above 0, got {bad}")
 
     def exposure(self, view: str) -> float:
-        """The factor of a view: white is at the radiance ``1 / (capture.exposure × factor)``."""
+        """Return the factor of a view: white is at the radiance ``1 / (capture.exposure × factor)``."""
         return self.exposures.get(view, 1.0)

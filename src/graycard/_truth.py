@@ -48,7 +48,7 @@ class Truth:
     """Folder of the files."""
 
     def view(self, name: str) -> View:
-        """The view of a name.
+        """Return the view of a name.
 
         Raises:
             UnknownNameError: There is none.
@@ -65,7 +65,7 @@ class Truth:
         return _true_layers(file_of(self.root, f"views/{view.name}.exr"), view)
 
     def lights(self) -> tuple[Light, ...]:
-        """The exact lights.
+        """Return the exact lights.
 
         Raises:
             DatasetError: The file is missing or broken.
@@ -73,7 +73,7 @@ class Truth:
         return _finite_lights(file_of(self.root, "lights.json"))
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
+        """Return the image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
 
         Raises:
             DatasetError: The file is missing or broken.
@@ -81,7 +81,7 @@ class Truth:
         return read_rgb(file_of(self.root, light.image))
 
     def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
-        """A held-out view under changed lights: ``radiance`` with its variance and both its halves.
+        """Return a held-out view under changed lights: ``radiance`` with its variance and both its halves.
 
         Args:
             edit: Name of one of :attr:`edits`.
@@ -99,7 +99,7 @@ class Truth:
         return _true_layers(file_of(self.root, found.view_file(view.name)), view)
 
     def relit_lights(self, edit: str) -> tuple[Light, ...]:
-        """The exact lights of an edit; the image of an environment lies beside their file.
+        """Return the exact lights of an edit; the image of an environment lies beside their file.
 
         Raises:
             UnknownNameError: There is no such edit.
@@ -108,7 +108,7 @@ class Truth:
         return _finite_lights(file_of(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
 
     def composition(self) -> Composition | None:
-        """The object of another scene that is put into this one; None where none is.
+        """Return the object of another scene that is put into this one; None where none is.
 
         Raises:
             DatasetError: The file is broken.
@@ -119,7 +119,7 @@ class Truth:
         return from_builtins(Composition, read_json(path, DatasetError), DatasetError, str(path))
 
     def composed(self, view: View) -> dict[str, np.ndarray]:
-        """A held-out view with the object of :meth:`composition` in it.
+        """Return a held-out view with the object of :meth:`composition` in it.
 
         Returns:
             ``radiance`` with its variance and both its halves, ``(H, W, 3)``, and ``object_id``, ``(H, W)``.

@@ -35,7 +35,7 @@ def srgb_encode(linear: np.ndarray) -> np.ndarray:
 
 
 def srgb_slope(linear: np.ndarray) -> np.ndarray:
-    """Derivative of :func:`srgb_encode`, any shape; 0 where it clips.
+    """Return derivative of :func:`srgb_encode`, any shape; 0 where it clips.
 
     It carries a variance over to display space, to first order.
     """

@@ -42,7 +42,7 @@ IMPORTER = "graycard.import"
 
 
 def open_capture(folder: Path, *, check: bool = True) -> Capture:
-    """The capture in ``folder`` (``.../<scene>/capture``).
+    """Return the capture in ``folder`` (``.../<scene>/capture``).
 
     Args:
         folder: The capture folder.
@@ -55,7 +55,7 @@ def open_capture(folder: Path, *, check: bool = True) -> Capture:
 
 
 def open_truth(folder: Path, *, check: bool = True) -> Truth:
-    """The truth in ``folder`` (``.../<scene>/truth``).
+    """Return the truth in ``folder`` (``.../<scene>/truth``).
 
     Args:
         folder: The truth folder.
@@ -70,7 +70,7 @@ def open_truth(folder: Path, *, check: bool = True) -> Truth:
 
 
 def open_held_out(scene: Path, *, check: bool = True) -> HeldOut:
-    """The photographs of held-out views beside an imported capture.
+    """Return the photographs of held-out views beside an imported capture.
 
     Args:
         scene: ``DATASET/<track>/<scene>``.
@@ -112,7 +112,7 @@ def write_index(folder: Path, content: Capture | Truth) -> None:
 
 
 def capture_folders(dataset: Path) -> list[Path]:
-    """The folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted.
+    """Return the folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted.
 
     Of a folder that is itself a scene: that one, as an absolute path.
     """
@@ -175,7 +175,7 @@ def check_scene(folder: Path) -> None:
 
 
 def manifest_of(content: Capture | Truth) -> Manifest:
-    """The manifest of an opened capture or truth."""
+    """Return the manifest of an opened capture or truth."""
     kind = "graycard-capture" if isinstance(content, Capture) else "graycard-truth"
     return read_manifest(file_of(content.root, ""), kind)
 

@@ -50,7 +50,7 @@ class LightEdit:
         return relit_folder(self.name)
 
     def view_file(self, view: str) -> str:
-        """The file of a view under the changed lights, relative to the truth."""
+        """Return the file of a view under the changed lights, relative to the truth."""
         return relit_file(self.name, view)
 
 
@@ -60,12 +60,12 @@ def relit_folder(edit: str) -> str:
 
 
 def relit_file(edit: str, view: str) -> str:
-    """The file of a view under changed lights, relative to the truth, and to a predictions folder."""
+    """Return the file of a view under changed lights, relative to the truth, and to a predictions folder."""
     return f"{relit_folder(edit)}/views/{view}.exr"
 
 
 def find_edit(edits: Iterable[LightEdit], name: str) -> LightEdit:
-    """The edit of a name.
+    """Return the edit of a name.
 
     Raises:
         UnknownNameError: There is none.
@@ -107,5 +107,5 @@ class Composition:
 
 
 def composed_file(view: str) -> str:
-    """The file of a composed view, relative to the truth, and to a predictions folder."""
+    """Return the file of a composed view, relative to the truth, and to a predictions folder."""
     return f"{COMPOSITION}/views/{view}.exr"

@@ -224,13 +224,13 @@ def world_position(light: LocalLight, camera: Camera) -> np.ndarray:
 
 
 def light_to_json(light: Light) -> dict[str, Any]:
-    """A light as JSON data with its ``type``."""
+    """Return a light as JSON data with its ``type``."""
     kind = next(name for name, cls in _TYPES.items() if isinstance(light, cls))
     return {"type": kind, **to_builtins(light)}
 
 
 def light_from_json(data: Any, error: type[GraycardError] = DatasetError, source: str = "") -> Light:
-    """A light from JSON data; strict.
+    """Return a light from JSON data; strict.
 
     Raises:
         UnknownNameError: The ``type`` is none that exists.
@@ -270,7 +270,7 @@ def _all_finite(data: Any) -> bool:
 
 
 def read_lights(path: Path) -> tuple[Light, ...]:
-    """The lights in a JSON list.
+    """Return the lights in a JSON list.
 
     Raises:
         DatasetError: The file is missing or broken, holds too many, or a light has an unknown key or type.

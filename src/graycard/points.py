@@ -77,7 +77,7 @@ def without_tracks(positions: np.ndarray, colors: np.ndarray, said: str = "") ->
 
 
 def no_points() -> Points:
-    """A cloud without any."""
+    """Return a cloud without any."""
     return without_tracks(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.uint8))
 
 
@@ -109,7 +109,7 @@ def write_points(path: Path, points: Points, *, tracks: bool = True) -> None:
 
 
 def read_points(path: Path) -> Points:
-    """The points of a PLY file, binary or text, of ours or of another program.
+    """Return the points of a PLY file, binary or text, of ours or of another program.
 
     Colours may be bytes, 16 bits, floats or the first term of a splat; :attr:`Points.said` says which.
     Without an ``observation`` element nothing says where points were seen.

@@ -142,7 +142,7 @@ class Predictions:
         return dict(found.layers)
 
     def lights(self) -> tuple[Light, ...] | None:
-        """The predicted lights; None where the method provides none.
+        """Return the predicted lights; None where the method provides none.
 
         Raises:
             PredictionError: The file is broken or was changed after its hash was taken, or a light has an
@@ -158,7 +158,7 @@ class Predictions:
             raise PredictionError(str(cause)) from cause
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
-        """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
+        """Return the image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
 
         Raises:
             PredictionError: The file is missing or broken, lies outside of the folder, was changed after its
@@ -207,7 +207,7 @@ class Predictions:
 
 
 def open_predictions(folder: Path) -> Predictions:
-    """The predictions in a folder.
+    """Return the predictions in a folder.
 
     Raises:
         PredictionError: There is no index, it is of another format, or it has an unknown key.

@@ -82,7 +82,7 @@ def _held_out(scene: Scene) -> list[View]:
 
 
 def _exposure(root: Path, scene: Scene) -> float:
-    """The factor that brings the 99th percentile of all training views to display white."""
+    """Return the factor that brings the 99th percentile of all training views to display white."""
     views = [read_layers(root / "truth" / view_file(view.name))["radiance"] for view in _train(scene)]
     brightest = float(np.percentile(views, 99))
     if brightest <= 0:
@@ -96,7 +96,7 @@ def _exposure(root: Path, scene: Scene) -> float:
 def _write_photograph(
     root: Path, scene: Scene, name: str, exposure: float, sensor: Sensor | None, seed: int
 ) -> None:
-    """The photograph of a training view, and its target mask."""
+    """Write the photograph of a training view, and its target mask."""
     layers = read_layers(root / "truth" / view_file(name))
     photograph = layers["radiance"]
     if sensor is not None:
@@ -116,7 +116,7 @@ def _noise_ceiling(root: Path, views: Sequence[View], exposure: float) -> float:
 
 
 def _write_points(root: Path, scene: Scene, exposure: float, settings: CaptureSettings, seed: int) -> None:
-    """The sparse points of the training photographs."""
+    """Write the sparse points of the training photographs."""
     seen = [_sighting(root, number, view, exposure) for number, view in enumerate(scene.views)]
     points = sparse_points([s for s in seen if s is not None], settings, seed)
     write_points(root / "capture" / "points.ply", points)

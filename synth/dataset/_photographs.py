@@ -15,7 +15,7 @@ from graycard.synth._stream import stream
 
 
 def sensor_of(settings: CaptureSettings, views: Sequence[str], seed: int) -> Sensor | None:
-    """The camera of a capture; None for one without faults, which keeps radiance as it was rendered.
+    """Return the camera of a capture; None for one without faults, which keeps radiance as it was rendered.
 
     Args:
         settings: Its faults.

@@ -65,7 +65,7 @@ def render_scene(
 
 
 def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path | None:
-    """The folder of a scene that is there, whole and of this spec; None if it is to be rendered.
+    """Return the folder of a scene that is there, whole and of this spec; None if it is to be rendered.
 
     Raises:
         UnknownNameError: There is no such family.
@@ -114,7 +114,7 @@ def _make(
 
 
 def _variant_for(place: Place, threads: int | None) -> str:
-    """The variant that existing views were rendered with, if it runs here; else the fastest."""
+    """Return the variant that existing views were rendered with, if it runs here; else the fastest."""
     variant = (stamped(place) or {}).get("variant")
     if isinstance(variant, str) and can_render(variant):
         return variant

@@ -45,7 +45,7 @@ class Content:
 
 
 def content_of(scene: Scene, seed: int, settings: RenderSettings) -> Content:
-    """A scene with all the changes that the settings ask for."""
+    """Return a scene with all the changes that the settings ask for."""
     edits = light_edits(scene, seed) if settings.relighting else ()
     return Content(scene, edits, composition(scene, seed, settings) if settings.composition else None)
 

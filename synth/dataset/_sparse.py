@@ -69,7 +69,8 @@ def sighting(
 
 
 def sparse_points(sightings: Sequence[Sighting], settings: CaptureSettings, seed: int) -> Points:
-    """The points that structure from motion would find: as many as there are, at most ``settings.points``.
+    """Return the points that structure from motion would find: as many as there are, at most
+    ``settings.points``.
 
     Args:
         sightings: The training views.
@@ -134,7 +135,7 @@ def _sums(values: np.ndarray, points: Points) -> np.ndarray:
 
 
 def _tracks(sightings: Sequence[Sighting]) -> tuple[Points, np.ndarray]:
-    """True positions of corners with all pixels that see them, and how strong each corner is."""
+    """Return true positions of corners with all pixels that see them, and how strong each corner is."""
     taken = {s.index: np.zeros(s.grey.shape, dtype=bool) for s in sightings}
     positions, colors, strengths, seen = [], [], [], []
     peaks = [_peaks(s) for s in sightings]
@@ -193,7 +194,7 @@ def _pixels_that_see(
 
 
 def _angle(places: np.ndarray, visible: np.ndarray, sightings: Sequence[Sighting]) -> np.ndarray:
-    """The widest angle between two rays to each place, degrees, shape ``(N,)``."""
+    """Return the widest angle between two rays to each place, degrees, shape ``(N,)``."""
     rays = np.stack([s.camera.position - places for s in sightings], axis=1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     cosine = np.einsum("nai,nbi->nab", rays, rays)
@@ -218,7 +219,7 @@ def _with_outliers(
     share: float,
     rng: np.random.Generator,
 ) -> Points:
-    """Some points moved along the ray of their first view, and seen where that puts them.
+    """Return some points moved along the ray of their first view, and seen where that puts them.
 
     A repeated texture gives such matches: they agree with all their pixels, so no reprojection error tells
     them. Pixels outside a photograph are dropped; a point that fewer than two would be left of stays right.

@@ -59,7 +59,7 @@ class Place:
 
 
 def view_file(view: str) -> str:
-    """The file of a view's true layers, relative to the truth."""
+    """Return the file of a view's true layers, relative to the truth."""
     return f"views/{view}.exr"
 
 
@@ -118,7 +118,7 @@ def resume(place: Place, stamp: Mapping[str, Any], *, same: bool) -> None:
 
 
 def stamped(place: Place) -> Mapping[str, Any] | None:
-    """The stamp of the partial folder; None where there is none that can be read."""
+    """Return the stamp of the partial folder; None where there is none that can be read."""
     try:
         found = read_json(place.stamp)
     except RecordError:

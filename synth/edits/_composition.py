@@ -45,12 +45,15 @@ class Composed:
 
 
 def donor_of(seed: int) -> SceneSpec:
-    """The scene that gives the object: things under an environment alone, of the same seed."""
+    """Return the scene that gives the object: things under an environment alone, of the same seed."""
     return SceneSpec("multilight", "objects", seed)
 
 
 def donor_scene(donor: Donor) -> SceneSpec:
-    """The scene that gives an object, to be rendered or found; its name does not tell a secret seed."""
+    """Return the scene that gives an object, to be rendered or found.
+
+    Its name does not tell a secret seed.
+    """
     names = donor.track, donor.family, donor.seed, donor.knobs
     if donor.seed in SECRET_SEEDS:
         return SecretSpec(*names, f"{donor.family}-secret-donor-{_slow_digest(donor.seed)}")
@@ -64,7 +67,7 @@ def _slow_digest(seed: int) -> str:
 
 
 def composition(scene: Scene, seed: int, settings: RenderSettings) -> Composed | None:
-    """An object put into a scene; None where the scene is not for it or has no room.
+    """Return an object put into a scene; None where the scene is not for it or has no room.
 
     It is for scenes with local lights that stand still and with nothing to be removed.
 
@@ -119,19 +122,21 @@ def _is_stacked(box: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _floor(scene: Scene) -> Quad | None:
-    """The lowest surface that looks straight up."""
+    """Return the lowest surface that looks straight up."""
     quads = [t.geometry for t in scene.things if isinstance(t.geometry, Quad) and not t.light]
     level = [q for q in quads if np.cross(q.half_u, q.half_v)[2] > 0.999 * _area(q)]
     return min(level, key=lambda quad: quad.center[2], default=None)
 
 
 def _area(quad: Quad) -> float:
-    """A quarter of it."""
+    """Return a quarter of it."""
     return float(np.linalg.norm(np.cross(quad.half_u, quad.half_v)))
 
 
 def _best_place(scene: Scene, floor: Quad, geometry: Geometry, rng: np.random.Generator) -> np.ndarray | None:
-    """The free place that held-out views see best: a rigid motion, ``(4, 4)``; None where there is none."""
+    """Return the free place that held-out views see best: a rigid motion, ``(4, 4)``; None where there is
+    none.
+    """
     solids = obstacles(scene)
     held_out = [view.camera for view in scene.views if view.split == "test"]
     best, placed = 0.0, None
@@ -180,7 +185,7 @@ def _corners(box: np.ndarray) -> np.ndarray:
 
 
 def moved(geometry: Geometry, to_host: np.ndarray) -> Geometry:
-    """A shape after a rigid motion.
+    """Return a shape after a rigid motion.
 
     Args:
         geometry: A mesh, or a ball, which is moved and not turned.

@@ -12,7 +12,7 @@ from graycard.synth._scene import Ball, Geometry, Quad, Scene
 
 
 def bounds(geometry: Geometry) -> np.ndarray:
-    """The least and the greatest coordinates of a shape, ``(2, 3)``, metres."""
+    """Return the least and the greatest coordinates of a shape, ``(2, 3)``, metres."""
     match geometry:
         case Mesh() as mesh:
             return np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
@@ -64,7 +64,7 @@ class Obstacles:
 
 
 def obstacles(scene: Scene, but: Iterable[str] = ()) -> Obstacles:
-    """The obstacles of a scene.
+    """Return the obstacles of a scene.
 
     Args:
         scene: What is there.
@@ -110,7 +110,7 @@ def in_picture(camera: Camera, points: np.ndarray, border: float) -> np.ndarray:
 
 
 def looked_at(views: Iterable[View]) -> np.ndarray:
-    """The point nearest to the optical axes of all views (least squares), shape ``(3,)``, metres."""
+    """Return the point nearest to the optical axes of all views (least squares), shape ``(3,)``, metres."""
     axes = [(view.camera.forward, view.camera.position) for view in views]
     across = [np.eye(3) - np.outer(axis, axis) for axis, _ in axes]
     eyes = [square @ eye for square, (_, eye) in zip(across, axes, strict=True)]

@@ -57,7 +57,7 @@ class Edit:
 
 
 def light_edits(scene: Scene, seed: int) -> tuple[Edit, ...]:
-    """The changes of a scene's lights, as the table above says.
+    """Return the changes of a scene's lights, as the table above says.
 
     Args:
         scene: As it was photographed.
@@ -86,7 +86,7 @@ def _switched_off(scene: Scene) -> Iterator[Edit]:
 
 
 def _recoloured(scene: Scene, light: LocalLight, name: str, seed: int) -> Iterator[Edit]:
-    """The light in a clearly different colour of the same luminance."""
+    """Yield the light in a clearly different colour of the same luminance."""
     before = light.axial_intensity
     if not (before > 0).all():
         return
@@ -105,7 +105,7 @@ def _recoloured(scene: Scene, light: LocalLight, name: str, seed: int) -> Iterat
 
 
 def _flash_moved(scene: Scene, flash: LocalLight, seed: int) -> Iterator[Edit]:
-    """The light on the other side of the camera, aimed at the point of its optical axis as before."""
+    """Yield the light on the other side of the camera, aimed at the point of its optical axis as before."""
     rng = stream(seed, "flash moved")
     solids = obstacles(scene)
     side = -1.0 if flash.position[0] >= 0 else 1.0
@@ -125,7 +125,7 @@ def _flash_moved(scene: Scene, flash: LocalLight, seed: int) -> Iterator[Edit]:
 
 
 def _moved(scene: Scene, lamps: list[LocalLight], seed: int) -> Iterator[Edit]:
-    """The strongest light that has room to be moved, out of all views."""
+    """Yield the strongest light that has room to be moved, out of all views."""
     for lamp in lamps:
         rng, solids = stream(seed, f"moved {lamp.name}"), obstacles(scene, but=(lamp.name,))
         for _ in range(_TRIES):
@@ -161,7 +161,7 @@ def _extent(lamp: LocalLight) -> np.ndarray:
 
 
 def _aimed(light: LocalLight, position: np.ndarray, near: np.ndarray | None = None) -> LocalLight:
-    """A light at another position; a spot light still shines on the point that it was aimed at.
+    """Return a light at another position; a spot light still shines on the point that it was aimed at.
 
     This is the point of its axis that is nearest to ``near``; of a light on the camera, the one 3 m ahead.
     """
@@ -221,7 +221,7 @@ def _strength(light: LocalLight, center: np.ndarray) -> float:
 
 
 def scaled_light(light: Light, factor: Vector) -> Light:
-    """A local light times a factor per channel."""
+    """Return a local light times a factor per channel."""
     match light:
         case PointLight() | SpotLight():
             return replace(light, intensity=triple(np.array(light.intensity) * factor))
@@ -234,7 +234,7 @@ def scaled_light(light: Light, factor: Vector) -> Light:
 
 
 def _relit(scene: Scene, lights: tuple[Light, ...]) -> Scene:
-    """The scene under other lights; the surface of one that is off stays, black as it is."""
+    """Return the scene under other lights; the surface of one that is off stays, black as it is."""
     sky = scene.sky if any(isinstance(light, EnvironmentLight) for light in lights) else None
     return replace(scene, lights=lights, things=tuple(_surface(t, lights) for t in scene.things), sky=sky)
 

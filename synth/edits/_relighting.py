@@ -24,7 +24,7 @@ from graycard.synth.renderer._mitsuba import load_scene
 def view_with_edits(
     scene: Scene, number: int, seed: int, settings: RenderSettings, edits: Sequence[Edit]
 ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, np.ndarray]]]:
-    """A view, and the same view under lights that are off or recoloured, from one set of light paths.
+    """Return a view, and the same view under lights that are off or recoloured, from one set of light paths.
 
     Args:
         scene: What is there.
@@ -55,7 +55,7 @@ def _weighted(shares: np.ndarray, lights: list[str], factors: Mapping[str, Seque
 
 
 def relit_view(edit: Edit, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
-    """A view of an edit's own scene, from light paths of its own.
+    """Return a view of an edit's own scene, from light paths of its own.
 
     Returns:
         Layers of :func:`graycard.synth.layers._separation.estimate` for ``radiance``, each ``(H, W, 3)``.
@@ -66,7 +66,7 @@ def relit_view(edit: Edit, number: int, seed: int, settings: RenderSettings) -> 
 
 
 def composed_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
-    """A view of a scene with another object in it, from light paths of its own.
+    """Return a view of a scene with another object in it, from light paths of its own.
 
     Returns:
         Layers of :func:`graycard.synth.layers._separation.estimate` for ``radiance``, each ``(H, W, 3)``, and

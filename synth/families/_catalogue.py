@@ -44,7 +44,7 @@ def all_families() -> dict[str, type[Family]]:
 
 
 def family_of(spec: SceneSpec) -> Family:
-    """The family of a spec with its knobs set.
+    """Return the family of a spec with its knobs set.
 
     Raises:
         UnknownNameError: There is no such family, or it is of another track.
@@ -69,7 +69,7 @@ class Knob:
 
 
 def knobs(family: type[Family]) -> list[Knob]:
-    """The knobs of a family, in the order in which they are defined."""
+    """Return the knobs of a family, in the order in which they are defined."""
     meanings = _attribute_docstrings(family)
     fields: tuple[Any, ...] = dataclasses.fields(family)  # pyright: ignore[reportArgumentType] -- they are
     return [Knob(f.name, f.default, _allowed(f.metadata), meanings.get(f.name, "")) for f in fields]
@@ -83,7 +83,7 @@ def _allowed(metadata: Mapping[str, Any]) -> str:
 
 
 def _attribute_docstrings(cls: type) -> dict[str, str]:
-    """The strings below the annotated attributes of a class and of its bases, by attribute."""
+    """Return the strings below the annotated attributes of a class and of its bases, by attribute."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__[:-1]):
         body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # pyright: ignore

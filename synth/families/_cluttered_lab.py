@@ -52,7 +52,7 @@ class ClutteredLab(FlashRoom):
     )
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The laboratory of a seed."""
+        """Return the laboratory of a seed."""
         things = [
             *_shell(seed),
             *_on_the_walls(seed),
@@ -93,7 +93,7 @@ class ClutteredLab(FlashRoom):
         yield self.thing(rng, "screen with a notice", glass, notice)
 
     def _wall_shelf(self, seed: int) -> Iterator[Thing]:
-        """A board above the wall bench with bottles and jars."""
+        """Yield a board above the wall bench with bottles and jars."""
         rng, side = stream(seed, "wall shelf"), _side(seed)
         x, y, z = rng.uniform(3.9, 4.1), side * (_ROOM.width / 2 - 0.13), 1.62
         board = furniture.block((1.7, 0.25, 0.03), (x, y, z - 0.015))
@@ -118,7 +118,7 @@ class ClutteredLab(FlashRoom):
             yield made
 
     def _fume_hood(self, seed: int) -> Iterator[Thing]:
-        """A fume hood on a cupboard at the end wall, glassware in it, and its duct to the ceiling."""
+        """Yield a fume hood on a cupboard at the end wall, glassware in it, and its duct to the ceiling."""
         rng, side = stream(seed, "fume hood"), _side(seed)
         x, y, turn = _HOOD_AT[0], side * _HOOD_AT[1], -np.pi / 2
         enamel = _pick(rng, _ENAMELS)
@@ -136,7 +136,7 @@ class ClutteredLab(FlashRoom):
             yield from self._apparatus(rng, f"hood place {number + 1}", at, (0.29, 0.34, 0.4), turn)
 
     def _island(self, seed: int) -> Iterator[Thing]:
-        """A table in the middle of the room, apparatus on it, and cables from it down to the floor."""
+        """Yield a table in the middle of the room, apparatus on it, and cables from it down to the floor."""
         rng, side = stream(seed, "island"), _side(seed)
         x, y = float(rng.uniform(4.05, 4.2)), float(-side * rng.uniform(0.6, 0.7))
         shape = furniture.table(1.4, 0.8, _BENCH).moved((x, y, 0))
@@ -153,7 +153,7 @@ class ClutteredLab(FlashRoom):
             yield self.thing(rng, f"cable {number + 1}", furniture.hose(curve, 0.012), rubber)
 
     def _under_the_island(self, rng: np.random.Generator, at: tuple[float, float]) -> Iterator[Thing]:
-        """A board between the legs of the table with stores on it."""
+        """Yield a board between the legs of the table with stores on it."""
         board = furniture.block((1.28, 0.62, 0.03), (*at, 0.285))
         yield self.thing(rng, "island shelf", board, Texture(textures.wood(rng, (0.3, 0.2, 0.12)), (1, 1)))
         for number, (dx, dy) in enumerate(((-0.4, -0.05), (0.0, 0.06), (0.4, -0.04)), start=1):
@@ -165,7 +165,7 @@ class ClutteredLab(FlashRoom):
                 yield made
 
     def _on_the_floor(self, seed: int) -> Iterator[Thing]:
-        """A chair, gas cylinders, a tall cabinet, a bin, a carton, and a drain."""
+        """Yield a chair, gas cylinders, a tall cabinet, a bin, a carton, and a drain."""
         rng, side = stream(seed, "floor objects"), _side(seed)
         seat = Texture(textures.plaster(rng, paint(str(rng.choice(_ACCENTS)))))
         spot = (rng.uniform(2.85, 3.1), side * rng.uniform(0.85, 0.95), 0)
@@ -189,7 +189,7 @@ class ClutteredLab(FlashRoom):
 
 
 def _drain(at: tuple[float, float]) -> Iterator[Thing]:
-    """A floor drain: bars in a ring above a dark pit."""
+    """Yield a floor drain: bars in a ring above a dark pit."""
     bars = [furniture.block((0.018, 0.2, 0.008), (x, 0, 0.007), 0.002) for x in np.linspace(-0.07, 0.07, 5)]
     grate = merge([torus(0.115, 0.012, 40).moved((0, 0, -0.004)), *bars]).moved((*at, 0))
     yield Thing("drain grate", grate, Matte((0.25, 0.25, 0.26)))
@@ -197,7 +197,7 @@ def _drain(at: tuple[float, float]) -> Iterator[Thing]:
 
 
 def _cable_to_the_floor(start: tuple[float, float], side: int, reach: float) -> np.ndarray:
-    """A cable that hangs from a table top's edge and runs on along the floor, shape ``(40, 3)``."""
+    """Return a cable that hangs from a table top's edge and runs on along the floor, shape ``(40, 3)``."""
     t = np.linspace(0, 1, 40)
     fall = np.clip(t / 0.6, 0, 1)
     z = 0.012 + (_BENCH - 0.05) * (1 - fall) ** 2

@@ -48,7 +48,7 @@ class Corridor(FlashRoom):
     )
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The corridor of a seed."""
+        """Return the corridor of a seed."""
         things = (
             *_walls(seed),
             color_chart(_ROOM.hung("right", 3.55, 1.35, (0.33, 0.22))),
@@ -86,7 +86,7 @@ class Corridor(FlashRoom):
         return Thing(f"{kind} on {where}", shape, self.surface(rng, _surface(str(kind), rng, color)))
 
     def _crates(self, seed: int) -> Iterator[Thing]:
-        """A stack of cartons by the plaster wall."""
+        """Yield a stack of cartons by the plaster wall."""
         rng = stream(seed, "crates")
         x, z = rng.uniform(3.15, 3.4), 0.0
         for number, size in enumerate(_CRATES, start=1):
@@ -97,7 +97,7 @@ class Corridor(FlashRoom):
             z += size[2]
 
     def _floor_objects(self, seed: int) -> Iterator[Thing]:
-        """A rusty drum, a stool and a large vase."""
+        """Yield a rusty drum, a stool and a large vase."""
         rng = stream(seed, "floor objects")
         rust = textures.stone(
             rng, [(0.05, 0.16, 0.26), (0.06, 0.22, 0.36), (0.08, 0.26, 0.4), (0.3, 0.13, 0.05)]
@@ -112,7 +112,7 @@ class Corridor(FlashRoom):
 
 
 def _walls(seed: int) -> Iterator[Thing]:
-    """The shell of the corridor; each wall is seen from inside."""
+    """Yield the shell of the corridor; each wall is seen from inside."""
     x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
     floor = textures.tiles(stream(seed, "floor"), [(0.34, 0.31, 0.27), (0.16, 0.15, 0.15)])
     brick = textures.bricks(stream(seed, "brick"), (0.40, 0.20, 0.14))

@@ -22,22 +22,22 @@ class Family(Protocol):
     """Description of the scene, without the seed."""
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The scene of a seed; the same arguments give the same scene, to the bit."""
+        """Return the scene of a seed; the same arguments give the same scene, to the bit."""
         ...
 
 
 def knob(default: float, low: float, high: float) -> Any:
-    """A dataclass field for a number in ``[low, high]``."""
+    """Return a dataclass field for a number in ``[low, high]``."""
     return dataclasses.field(default=default, metadata={"range": (low, high)})
 
 
 def count(default: int, low: int, high: int) -> Any:
-    """A dataclass field for a whole number in ``[low, high]``."""
+    """Return a dataclass field for a whole number in ``[low, high]``."""
     return dataclasses.field(default=default, metadata={"range": (low, high)})
 
 
 def choice(default: str, *others: str) -> Any:
-    """A dataclass field for one of several words."""
+    """Return a dataclass field for one of several words."""
     return dataclasses.field(default=default, metadata={"words": (default, *others)})
 
 
@@ -66,7 +66,7 @@ def _check_knob(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
 
 
 def interleaved(cameras: list[Camera], test_views: int) -> tuple[View, ...]:
-    """Views along a path, the held-out ones spread evenly between training ones and never at an end.
+    """Return views along a path, the held-out ones spread evenly between training ones and never at an end.
 
     Raises:
         ValueError: Fewer than two cameras are left for training.

@@ -59,10 +59,12 @@ class FlashRoom(Knobs, ABC):
 
     @abstractmethod
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The room of a seed."""
+        """Return the room of a seed."""
 
     def lit(self, things: Iterable[Thing], room: "Room", cameras: list[Camera], test_views: int) -> Scene:
-        """The scene of these things under the lamp on the camera and the glowing ceiling of the room."""
+        """Return the scene of these things under the lamp on the camera and the glowing ceiling of
+        the room.
+        """
         ceiling = room.glowing_ceiling(self.ambient)
         return Scene(
             things=(*things, surface_of(ceiling)),
@@ -72,7 +74,7 @@ class FlashRoom(Knobs, ABC):
         )
 
     def head_lamp(self) -> SpotLight | PointLight:
-        """The lamp, in the frame of the camera."""
+        """Return the lamp, in the frame of the camera."""
         position = (self.light_offset, -0.06, 0.0)
         color = scaled(blackbody(5000), _INTENSITY)
         if self.lamp == "point":
@@ -83,11 +85,15 @@ class FlashRoom(Knobs, ABC):
         )
 
     def thing(self, rng: np.random.Generator, name: str, shape: Geometry, color: Color) -> Thing:
-        """An object that is glossy with a chance of ``gloss``; takes the same random numbers either way."""
+        """Return an object that is glossy with a chance of ``gloss``; takes the same random numbers either
+        way.
+        """
         return Thing(name, shape, self.surface(rng, color))
 
     def surface(self, rng: np.random.Generator, color: Color) -> Material:
-        """A material that is glossy with a chance of ``gloss``; takes the same random numbers either way."""
+        """Return a material that is glossy with a chance of ``gloss``; takes the same random numbers either
+        way.
+        """
         glossy, roughness = rng.random() < self.gloss, float(rng.uniform(0.2, 0.5))
         return polished(self.material, color, roughness) if glossy else Matte(color)
 
@@ -101,18 +107,20 @@ class Room:
     height: float
 
     def floor(self) -> Quad:
-        """The floor, seen from above."""
+        """Return the floor, seen from above."""
         x, y = self.length / 2, self.width / 2
         return Quad((x, 0, 0), (x, 0, 0), (0, y, 0))
 
     def wall(self, name: str) -> Quad:
-        """A whole wall, seen from inside: ``"left"`` (+y), ``"right"``, ``"end"`` (+x) or ``"back"``."""
+        """Return a whole wall, seen from inside: ``"left"`` (+y), ``"right"``, ``"end"`` (+x) or
+        ``"back"``.
+        """
         across = name in ("end", "back")
         half = self.width / 2 if across else self.length / 2
         return self.hung(name, 0.0 if across else half, self.height / 2, (half, self.height / 2), 0.0)
 
     def hung(self, wall: str, along: float, z: float, half: tuple[float, float], gap: float = 0.015) -> Quad:
-        """A flat picture on a wall, upright and readable from inside.
+        """Return a flat picture on a wall, upright and readable from inside.
 
         Args:
             wall: See :meth:`wall`.
@@ -131,14 +139,14 @@ class Room:
         return Quad(center, scaled(right, half[0]), (0.0, 0.0, half[1]))
 
     def glowing_ceiling(self, radiance: float) -> RectangleLight:
-        """A glow from above; a glowing panel inside the room would cast shadows of its own."""
+        """Return a glow from above; a glowing panel inside the room would cast shadows of its own."""
         sides = (0.0, self.width / 2, 0.0), (self.length / 2, 0.0, 0.0)
         color = scaled(blackbody(9000), radiance)
         return RectangleLight("ambient", (self.length / 2, 0.0, self.height), *sides, color)
 
 
 def color_chart(board: Quad) -> Thing:
-    """A ColorChecker of 24 measured patches on a board, upright and readable."""
+    """Return a ColorChecker of 24 measured patches on a board, upright and readable."""
     pixels = Texture(textures.chart(chart_patches(), CHART_COLUMNS), smooth=False)
     return Thing("color chart", board, Matte(pixels))
 

@@ -61,7 +61,7 @@ class Gallery(ManyLights):
     title: ClassVar[str] = "a museum's room with pictures and sculptures under several lamps and the sky"
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The gallery of a seed."""
+        """Return the gallery of a seed."""
         lamps = self.lamps(seed, STANDS)
         things = (
             *_room(seed),
@@ -76,7 +76,7 @@ class Gallery(ManyLights):
 
 
 def _room(seed: int) -> Iterator[Thing]:
-    """A floor of stone tiles, three plastered walls and a skirting of dark wood."""
+    """Yield a floor of stone tiles, three plastered walls and a skirting of dark wood."""
     rng = stream(seed, "floor")
     grounds = [(0.42, 0.40, 0.36), (0.16, 0.17, 0.18)], [(0.40, 0.36, 0.30), (0.26, 0.16, 0.12)]
     floor = textures.tiles(rng, grounds[rng.integers(2)], 4)
@@ -121,7 +121,7 @@ def _pictures(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _painting(rng: np.random.Generator) -> np.ndarray:
-    """A landscape of blots, or fields of colour: three paints of the ColorChecker."""
+    """Return a landscape of blots, or fields of colour: three paints of the ColorChecker."""
     names = "blue sky", "orange", "purplish blue", "moderate red", "foliage", "yellow green", "orange yellow"
     names += "blue flower", "light skin", "dark skin", "purple", "bluish green"
     chosen = [paint(names[k]) for k in rng.choice(len(names), 4, replace=False)]
@@ -131,7 +131,7 @@ def _painting(rng: np.random.Generator) -> np.ndarray:
 
 
 def _plinth(seed: int, name: str, width: float, height: float) -> Thing:
-    """A block of veined stone."""
+    """Return a block of veined stone."""
     rng = stream(seed, f"plinth of {name}")
     stone = textures.stone(rng, [(0.34, 0.33, 0.31), (0.52, 0.50, 0.47), (0.60, 0.58, 0.55)])
     block = props.crate(width, width, height).moved((*_SPOTS.at(name, seed), 0), rng.uniform(-0.2, 0.2))
@@ -148,7 +148,7 @@ def _urn(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _torso(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A carved stone of rounded forms."""
+    """Yield a carved stone of rounded forms."""
     rng = stream(seed, "torso")
     yield _plinth(seed, "torso", 0.56, 0.5)
     marble = textures.stone(rng, [(0.45, 0.43, 0.42), (0.64, 0.62, 0.60), (0.70, 0.68, 0.66)])
@@ -157,7 +157,7 @@ def _torso(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _orb(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A ball of metal in a ring of the same."""
+    """Yield a ball of metal in a ring of the same."""
     yield _plinth(seed, "orb", 0.46, 0.6)
     x, y = _SPOTS.at("orb", seed)
     copper, brass = (0.64, 0.36, 0.24), (0.60, 0.44, 0.20)
@@ -167,7 +167,7 @@ def _orb(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _on_the_floor(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A bench with a pile of catalogues, and a ring of glazed clay."""
+    """Yield a bench with a pile of catalogues, and a ring of glazed clay."""
     rng = stream(seed, "bench")
     x, y = _SPOTS.at("bench", seed)
     wood = Texture(textures.wood(rng, (0.36, 0.22, 0.12)), (1.4, 1.4))
@@ -183,14 +183,14 @@ def _on_the_floor(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _surroundings(seed: int, strength: float) -> np.ndarray:
-    """A dim hall before the open side, with one tall window."""
+    """Return a dim hall before the open side, with one tall window."""
     day, warm = illuminant("D65"), blackbody(4200)
     window = Window(stream(seed, "sky").uniform(230, 310), 28, 36, 44, scaled(day, 0.7))
     return strength * room(scaled(day, 0.07), scaled(warm, 0.05), scaled(warm, 0.02), (window,))
 
 
 def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
-    """A walk along the open side, now nearer and now farther, eyes on what is in the middle."""
+    """Return a walk along the open side, now nearer and now farther, eyes on what is in the middle."""
     phase = stream(seed, "path").uniform(0, 2 * np.pi)
     cameras = []
     for t in np.linspace(-1, 1, settings.views):

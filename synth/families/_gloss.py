@@ -17,11 +17,11 @@ class PartlyGlossy:
     material: str
 
     def surface(self, seed: int, name: str, color: Color, roughness: float) -> Material:
-        """The material of an object: shining if the seed has it among the share of ``gloss``."""
+        """Return the material of an object: shining if the seed has it among the share of ``gloss``."""
         if stream(seed, f"gloss of {name}").random() < self.gloss:
             return polished(self.material, color, roughness)
         return Matte(color)
 
     def metal(self, color: Color = BRASS) -> Material:
-        """The material of what is made of metal; at a ``gloss`` of 0 it is matte too."""
+        """Return the material of what is made of metal; at a ``gloss`` of 0 it is matte too."""
         return polished(self.material, color, self.metal_roughness, 1.0) if self.gloss else Matte(color)

@@ -100,7 +100,7 @@ class ManyLights(PartlyGlossy, Knobs):
     """Material of what shines: the papers' material, or Disney's."""
 
     def lamps(self, seed: int, stands: Sequence[Stand]) -> tuple[LocalLight, ...]:
-        """The local lights ``lamp-1``, ``lamp-2`` ... of a seed, on the first of the stands."""
+        """Return the local lights ``lamp-1``, ``lamp-2`` ... of a seed, on the first of the stands."""
         shares = _shares(self.lights, self.brightness, seed)
         made = zip(range(1, self.lights + 1), stands, cycle(KINDS), shares, strict=False)
         return tuple(self._lamp(seed, n, stand, kind, share) for n, stand, kind, share in made)
@@ -126,7 +126,8 @@ class ManyLights(PartlyGlossy, Knobs):
 def lit(
     things: Iterable[Thing], lamps: Sequence[LocalLight], views: tuple[View, ...], sky: np.ndarray
 ) -> Scene:
-    """The scene of these things under lamps, whose surfaces are things too, and surroundings called ``sky``.
+    """Return the scene of these things under lamps, whose surfaces are things too, and surroundings called
+    ``sky``.
 
     Args:
         things: All that does not emit.
@@ -142,7 +143,7 @@ def lit(
 def gaussian_light(
     name: str, position: np.ndarray, forward: np.ndarray, intensity: np.ndarray, rng: np.random.Generator
 ) -> GaussianLight:
-    """A light of a beam along ``forward`` and a broad glow to one side.
+    """Return a light of a beam along ``forward`` and a broad glow to one side.
 
     Args:
         name: Of the light.
@@ -181,7 +182,9 @@ def _shares(lights: int, ratio: float, seed: int) -> np.ndarray:
 
 
 def _light_weights(lamps: Sequence[LocalLight], sky: float = 0.5) -> dict[str, float]:
-    """Samples in proportion to the root of what a light sends: between equal noise and equal effort."""
+    """Return samples in proportion to the root of what a light sends: between equal noise and equal
+    effort.
+    """
     level = np.array([float(lamp.axial_intensity.sum()) for lamp in lamps])
     weights = np.sqrt(level / level.mean())
     names = (lamp.name for lamp in lamps)

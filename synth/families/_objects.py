@@ -54,7 +54,7 @@ class Objects(PartlyGlossy, Knobs):
     title: ClassVar[str] = "bricks, a toy, a plant and a helmet on a disc under an environment alone"
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The objects of a seed."""
+        """Return the objects of a seed."""
         things = (
             _disc(seed),
             *_bricks(self, seed),
@@ -94,7 +94,7 @@ def _disc(seed: int) -> Thing:
 
 
 def _bricks(knobs: Objects, seed: int) -> Iterator[Thing]:
-    """A wall of building bricks in three layers, each of its own colour."""
+    """Yield a wall of building bricks in three layers, each of its own colour."""
     rng, (x, y, _) = stream(seed, "bricks"), _place(0, seed)
     unit, turn = 0.075, rng.uniform(0, 2 * np.pi)
     names = rng.permutation(["moderate red", "orange yellow", "purplish blue", "yellow green", "orange"])
@@ -135,7 +135,7 @@ def _helmet(knobs: Objects, seed: int) -> Thing:
 
 
 def _in_the_middle(knobs: Objects, seed: int) -> Iterator[Thing]:
-    """A pebble and a cup between the others."""
+    """Yield a pebble and a cup between the others."""
     rng = stream(seed, "middle")
     x, y = rng.uniform(-0.05, 0.05, size=2)
     grays = textures.stone(rng, [(0.16, 0.15, 0.14), (0.36, 0.34, 0.31), (0.58, 0.56, 0.52)])
@@ -148,7 +148,7 @@ def _in_the_middle(knobs: Objects, seed: int) -> Iterator[Thing]:
 
 
 def _surroundings(seed: int, windows: int, strength: float) -> np.ndarray:
-    """A pale sky over dark ground, and windows spread around whose colours differ."""
+    """Return a pale sky over dark ground, and windows spread around whose colours differ."""
     rng = stream(seed, "sky")
     first, colors = rng.uniform(0, 360), (illuminant("D65"), blackbody(3600), illuminant("D75"))
     shining = tuple(

@@ -38,7 +38,7 @@ class ShelfRoom(FlashRoom):
     )
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The store room of a seed."""
+        """Return the store room of a seed."""
         things = [*_shell(seed), *self._racks(seed), *self._table(seed), *self._on_the_floor(seed)]
         cameras = walk(stream(seed, "path"), settings, (0.6, 0.0, 1.45), 1.6)
         return self.lit(things, _ROOM, cameras, settings.test_views)
@@ -69,7 +69,7 @@ class ShelfRoom(FlashRoom):
                     yield made
 
     def _table(self, seed: int) -> Iterator[Thing]:
-        """A work table at a side wall with goods on it, a pegboard of tools above, and the chart."""
+        """Yield a work table at a side wall with goods on it, a pegboard of tools above, and the chart."""
         rng, side = stream(seed, "table"), -_side(seed)
         x, y = rng.uniform(3.15, 3.3), side * 1.72
         oak = Texture(textures.wood(rng, (0.36, 0.23, 0.13)), (1.2, 1.2))
@@ -95,7 +95,7 @@ class ShelfRoom(FlashRoom):
             yield self.thing(rng, f"{kind} {number + 1}", shape.moved(at), steel)
 
     def _on_the_floor(self, seed: int) -> Iterator[Thing]:
-        """A ladder, a drum, a stack of cartons, a stool and a bin."""
+        """Yield a ladder, a drum, a stack of cartons, a stool and a bin."""
         rng, side = stream(seed, "floor objects"), _side(seed)
         ladder = furniture.ladder(2.3, 0.5).moved((5.05, -side * 1.55, 0), 0.0 if side < 0 else np.pi)
         yield self.thing(rng, "ladder", ladder, Texture(textures.wood(rng, (0.45, 0.33, 0.19)), (2, 2)))

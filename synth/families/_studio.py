@@ -49,7 +49,7 @@ class Studio(ManyLights):
     title: ClassVar[str] = "a corner of a potter's studio under several lamps and the sky"
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The studio of a seed."""
+        """Return the studio of a seed."""
         lamps = self.lamps(seed, STANDS)
         things = (
             *_walls(seed),
@@ -84,7 +84,7 @@ _SPOTS = Spots(
 
 
 def _vase(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A glazed vase on a plinth of oak."""
+    """Yield a glazed vase on a plinth of oak."""
     rng = stream(seed, "vase")
     x, y = _SPOTS.at("vase", seed)
     oak = Texture(textures.wood(rng, (0.44, 0.30, 0.18)))
@@ -97,7 +97,7 @@ def _vase(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _round_things(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A marble sculpture, a steel drum, a clay bowl and a ring of rubber."""
+    """Yield a marble sculpture, a steel drum, a clay bowl and a ring of rubber."""
     rng = stream(seed, "round things")
     marble = textures.stone(rng, [(0.42, 0.40, 0.38), (0.60, 0.58, 0.55), (0.66, 0.64, 0.60)])
     sculpture = blob(0.3, rng, 0.2).moved((*_SPOTS.at("sculpture", seed), 0.28))
@@ -114,7 +114,7 @@ def _round_things(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 
 
 def _carton(knobs: ManyLights, seed: int) -> Iterator[Thing]:
-    """A pile of books on a carton."""
+    """Yield a pile of books on a carton."""
     rng = stream(seed, "carton")
     x, y = _SPOTS.at("carton", seed)
     board = Texture(textures.cardboard(rng, (0.42, 0.30, 0.18)), (2.4, 2.4))
@@ -138,7 +138,7 @@ def _walls(seed: int) -> Iterator[Thing]:
 
 
 def _chart() -> Thing:
-    """A ColorChecker of 24 measured patches on the painted wall."""
+    """Return a ColorChecker of 24 measured patches on the painted wall."""
     pixels = Texture(textures.chart(chart_patches(), CHART_COLUMNS), smooth=False)
     board = Quad((-SIDE / 2 + 0.015, 0.3, 1.2), (0.0, 0.36, 0.0), (0.0, 0.0, 0.24))
     return Thing("color chart", board, Matte(pixels))
@@ -153,7 +153,7 @@ def _surroundings(seed: int, strength: float) -> np.ndarray:
 
 
 def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
-    """An arc in front of the corner, from the brick wall's side to the painted wall's."""
+    """Return an arc in front of the corner, from the brick wall's side to the painted wall's."""
     phase = stream(seed, "path").uniform(0, 2 * np.pi)
     cameras = []
     for t in np.linspace(0, 1, settings.views):

@@ -93,7 +93,7 @@ class CurvedTable(PolishedTabletop):
     title: ClassVar[str] = "objects on a bulging, glazed round table; the tallest is to be removed"
 
     def surface(self) -> Surface:
-        """A cap of a sphere."""
+        """Return a cap of a sphere."""
         return Dome(self.curvature)
 
     def finish(self, seed: int) -> Material:
@@ -122,7 +122,7 @@ class MatteTable(Tabletop):
         return Flat()
 
     def finish(self, seed: int) -> Material:
-        """Checked linen."""
+        """Return checked linen."""
         rng = stream(seed, "table")
         tones = [(0.45, 0.40, 0.32), (0.40, 0.12, 0.10), (0.14, 0.19, 0.28)]
         cloth = textures.linen(rng, tones[rng.integers(len(tones))], (0.56, 0.54, 0.49))

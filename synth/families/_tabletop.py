@@ -60,7 +60,7 @@ class Tabletop(Knobs, ABC):
 
     @abstractmethod
     def surface(self) -> Surface:
-        """The shape of what the objects stand on."""
+        """Return the shape of what the objects stand on."""
 
     @abstractmethod
     def finish(self, seed: int) -> Material:
@@ -71,7 +71,7 @@ class Tabletop(Knobs, ABC):
         """Material of glazed objects."""
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
-        """The table of a seed."""
+        """Return the table of a seed."""
         lamp = _lamp(seed, self.lamp)
         surface, target = self.surface(), target_of(seed, self.target_size)
         pieces = [target, *others_of(seed, self.objects - 1)]
@@ -86,7 +86,7 @@ class Tabletop(Knobs, ABC):
         )
 
     def _stood(self, seed: int, surface: Surface, pieces: list[Piece]) -> Iterator[Thing]:
-        """The pieces as things, each at its place."""
+        """Yield the pieces as things, each at its place."""
         start, _ = _path(seed)
         reaches = [piece.reach for piece in pieces]
         at = places(seed, reaches[0], reaches[1:], start + _WALK / 2, self.occlusion)
@@ -106,7 +106,7 @@ class PolishedTabletop(Tabletop):
     """Material of all that shines: shines is made of."""
 
     def glaze(self, color: Color) -> Material:
-        """Fired glaze, of roughness 0.35."""
+        """Return fired glaze, of roughness 0.35."""
         return polished(self.material, color, 0.35)
 
 
@@ -116,7 +116,7 @@ def _floor(seed: int) -> Thing:
 
 
 def _lamp(seed: int, strength: float) -> RectangleLight:
-    """A square lamp above the table and to one side, out of all views.
+    """Return a square lamp above the table and to one side, out of all views.
 
     It is as large as the lobe of a polished surface, so that light that the surface throws onto the objects
     is found by chance as well as by aiming at the lamp, and is no noise.

@@ -43,7 +43,7 @@ def _one_colored(scene: Scene) -> np.ndarray:
 
 
 def _fine(loaded: mi.Scene, camera: Camera) -> np.ndarray:
-    """Base colour and index of the shape on a finer grid, ``(H, GRID, W, GRID, 4)``."""
+    """Return base colour and index of the shape on a finer grid, ``(H, GRID, W, GRID, 4)``."""
     fine = Camera(
         camera.width * GRID,
         camera.height * GRID,

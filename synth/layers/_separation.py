@@ -82,7 +82,7 @@ def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def part_names(loaded: mi.Scene, scene: Scene) -> list[str]:
-    """``emitted`` and the parts of all lights, in the order of the tracer's images."""
+    """Return ``emitted`` and the parts of all lights, in the order of the tracer's images."""
     return ["emitted", *(f"{part}.{light}" for light in light_names(loaded, scene) for part in PARTS)]
 
 
@@ -177,7 +177,9 @@ def _trace(scene, sampler, ray, emitters, max_depth: int, response):
 
 
 def _emission(scene: Any, si: Any, before: Any, density: Any, delta: Any, active: Any) -> tuple[Any, Any]:
-    """The light that a ray has met by chance, and its radiance weighted against sampling this light."""
+    """Return the light that a ray has met by chance, and its radiance weighted against sampling
+    this light.
+    """
     ds = mi.DirectionSample3f(scene, si, before)
     active = active & (density > 0)
     by_light = scene.pdf_emitter_direction(before, ds, active & ~delta)
@@ -193,7 +195,9 @@ def _balance(density: Any, other: Any) -> Any:
 
 
 def _book(sums: list[Any], emitters: list[Any], light: Any, value: Any, diffuse: Any, bounces: Any) -> list:
-    """Sums with a contribution of ``light`` after a number of bounces, of which ``diffuse`` by that lobe."""
+    """Return sums with a contribution of ``light`` after a number of bounces, of which ``diffuse`` by that
+    lobe.
+    """
     sums = list(sums)
     sums[_TOTAL] = sums[_TOTAL] + value
     sums[_EMITTED] = sums[_EMITTED] + dr.select(bounces == 0, value, 0)

@@ -113,7 +113,9 @@ def render_training_view(
 def _emptied_layers(
     images: np.ndarray, loaded: mi.Scene, scene: Scene, camera: Camera
 ) -> dict[str, np.ndarray]:
-    """The view without the target: its light, by lobe too where the variant can, and what it is made of."""
+    """Return the view without the target: its light, by lobe too where the variant can, and what it is made
+    of.
+    """
     surfaces = surface_layers(loaded, scene, camera)
     found = estimate("radiance", images[:, 0]) | {name: surfaces[name] for name in _EMPTIED_SURFACE}
     if mi.variant() != SCALAR:
@@ -210,7 +212,7 @@ def _image(loaded: mi.Scene, eye: mi.Sensor, integrator: mi.Integrator, **option
 
 
 def _facing(shading: np.ndarray, geometric: np.ndarray, camera: Camera) -> np.ndarray:
-    """Unit normals that face the camera.
+    """Return unit normals that face the camera.
 
     Where an interpolated normal of a mesh turns away at its outline, the triangle's own one is right.
     """

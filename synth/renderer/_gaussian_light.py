@@ -66,7 +66,7 @@ def _initialise(self: Any, properties: Any) -> None:
 
 
 def _sample_direction(self: Any, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
-    """The one direction from a point to the light, and the irradiance from there: I / distance²."""
+    """Return the one direction from a point to the light, and the irradiance from there: I / distance²."""
     del sample
     ds: Any = mi.DirectionSample3f()
     ds.p = mi.Point3f(self.position)

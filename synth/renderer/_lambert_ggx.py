@@ -94,7 +94,7 @@ def _eval_attribute_1(self: Any, name: str, si: Any, active: Any = True) -> Any:
 
 
 def _eval_diffuse_reflectance(self: Any, si: Any, active: Any = True) -> Any:
-    """The base colour whatever the metallic share, as Mitsuba's own principled material has it."""
+    """Return the base colour whatever the metallic share, as Mitsuba's own principled material has it."""
     return self.parameters["base_color"].eval(si, active)
 
 
@@ -112,7 +112,7 @@ def _eval_pdf(self: Any, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
 
 
 def _sample(self: Any, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
-    """A direction from one of the lobes, and ``f cos_o / pdf`` of all lobes that ``ctx`` allows."""
+    """Return a direction from one of the lobes, and ``f cos_o / pdf`` of all lobes that ``ctx`` allows."""
     surface = _surface(self, si, active)
     glossy = sample1 < _glossy_share(ctx, surface, si.wi)
     h, _ = surface.microfacets.sample(si.wi, sample2)
@@ -141,7 +141,7 @@ def _surface(self: Any, si: Any, active: Any) -> _Surface:
 
 
 def _value(ctx: Any, surface: _Surface, wi: Any, wo: Any, active: Any) -> Any:
-    """The enabled lobes times ``cos_o``."""
+    """Return the enabled lobes times ``cos_o``."""
     cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
     active = active & (cos_i > 0) & (cos_o > 0)
     value = mi.Color3f(0.0)

@@ -40,7 +40,7 @@ _SKY_TO_WORLD = [[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 
 
 def load_scene(scene: Scene, camera: Camera, without: str = "") -> mi.Scene:
-    """The scene as one camera sees it, lights on the camera included.
+    """Return the scene as one camera sees it, lights on the camera included.
 
     Args:
         scene: What is there.
@@ -71,7 +71,7 @@ def load(content: dict[str, Any]) -> Any:
 
 
 def shape_key(number: int) -> str:
-    """The id that a thing's shape has in Mitsuba."""
+    """Return the id that a thing's shape has in Mitsuba."""
     return f"thing-{number}"
 
 
@@ -92,7 +92,7 @@ def _registered(shape: Any, order: int) -> int:
 
 
 def sensor(camera: Camera, samples: int) -> mi.Sensor:
-    """A sensor whose pixel centres look exactly along :meth:`graycard.Camera.rays`.
+    """Return a sensor whose pixel centres look exactly along :meth:`graycard.Camera.rays`.
 
     Raises:
         ValueError: The pixels are not square, or the principal point is not the image centre.
@@ -101,7 +101,7 @@ def sensor(camera: Camera, samples: int) -> mi.Sensor:
 
 
 def centre_sensor(camera: Camera) -> mi.Sensor:
-    """A sensor that takes one sample per pixel, at its centre."""
+    """Return a sensor that takes one sample per pixel, at its centre."""
     return load({**_pinhole(camera), "sampler": {"type": "stratified", "sample_count": 1, "jitter": False}})
 
 

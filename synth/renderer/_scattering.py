@@ -32,7 +32,7 @@ Response = Callable[[Any, Any, Any, Any, Any, Any], Scattering]
 
 
 def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """Result: what the material does, split by lobes where ``first``."""
+    """Return Result: what the material does, split by lobes where ``first``."""
     value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
     first = first & active
     towards_light, onwards = _diffuse_values(bsdf, si, (wo, sample.wo), first)
@@ -47,7 +47,7 @@ def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any)
 
 
 def white_first(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """Result: what the material does, with a white Lambertian one in its place where ``first``."""
+    """Return Result: what the material does, with a white Lambertian one in its place where ``first``."""
     value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
     front = mi.Frame3f.cos_theta(si.wi) > 0
     cosine = dr.select(front, dr.maximum(mi.Frame3f.cos_theta(wo), 0), 0) * dr.inv_pi
@@ -71,7 +71,7 @@ def _share(part: Any, whole: Any) -> Any:
 
 
 def _diffuse_values(bsdf: Any, si: Any, directions: tuple[Any, ...], active: Any) -> list[Any]:
-    """The diffuse lobe of any material towards each direction, times the cosine.
+    """Return the diffuse lobe of any material towards each direction, times the cosine.
 
     Mitsuba's ``principled`` ignores which lobes a context asks for; it alone has an attribute ``specular``.
     """

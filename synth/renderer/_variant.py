@@ -85,7 +85,7 @@ class Renderer:
 
 
 def llvm_version(path: Path) -> int | None:
-    """The major version that the resolved name of an LLVM library tells, as in ``libLLVM.so.19.1``."""
+    """Return the major version that the resolved name of an LLVM library tells, as in ``libLLVM.so.19.1``."""
     resolved = path.resolve()
     in_name = re.search(r"libLLVM[-.]?(?:so\.)?(\d+)", resolved.name)
     in_folder = re.search(r"/llvm(?:@\d+)?[/-](\d+)\b", resolved.parent.as_posix())

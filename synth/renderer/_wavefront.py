@@ -40,7 +40,7 @@ def _rays(eye: Any, position: Any) -> Any:
 
 
 def seeded_sampler(eye: mi.Sensor, seed: int) -> tuple[Any, int]:
-    """The sampler of all pixels at once, and its number of samples per pixel."""
+    """Return the sampler of all pixels at once, and its number of samples per pixel."""
     width, height = (int(v) for v in eye.film().crop_size())
     sampler: Any = eye.sampler().clone()
     samples = sampler.sample_count()

@@ -15,7 +15,7 @@ _SIGMAS = 6.0
 
 
 def check_capture(subject: Subject, picture: TruePicture) -> Iterator[Check]:
-    """The photograph and the mask of a training view."""
+    """Check the photograph and the mask of a training view."""
     if picture.view.split != "train":
         return
     photograph = subject.capture.photograph(picture.view).astype(float)
@@ -38,7 +38,7 @@ def check_capture(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 def _check_sensor(
     picture: TruePicture, level: np.ndarray, found: np.ndarray, sensor: Sensor
 ) -> Iterator[Check]:
-    """A photograph differs from the radiance as much as the noise and the bits of its camera say.
+    """Check that a photograph differs from the radiance as much as noise and bits of its camera say.
 
     Args:
         picture: The view.

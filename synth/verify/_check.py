@@ -44,7 +44,7 @@ class At:
     view: str = ""
 
     def judge(self, name: str, figure: float, bound: float, unit: str, meaning: str) -> Check:
-        """A check that passes where ``figure <= bound``; what is not a number fails.
+        """Return a check that passes where ``figure <= bound``; what is not a number fails.
 
         Args:
             name: Of the check.
@@ -59,11 +59,11 @@ class At:
         return Check(name, self.scene, self.view, float(figure), bound, unit, "failed", said)
 
     def fail(self, name: str, reason: str) -> Check:
-        """A check that has failed without a figure."""
+        """Return a check that has failed without a figure."""
         return Check(name, self.scene, self.view, None, None, "", "failed", reason)
 
     def skip(self, name: str, reason: str) -> Check:
-        """A check that could not be made."""
+        """Return a check that could not be made."""
         return Check(name, self.scene, self.view, None, None, "", "skipped", reason)
 
 

@@ -59,7 +59,7 @@ def compare(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
 
 
 def _check_level(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
-    """The mean of each channel, in each view and over all of them."""
+    """Check the mean of each channel, in each view and over all of them."""
     channels = range(pairs[0].stored.shape[-1])
     bound = bound_of((len(pairs) + 1) * len(channels))
     for channel in channels:
@@ -76,7 +76,9 @@ def _check_level(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
 
 
 def _check_tiles(name: str, pair: Pair, views: int) -> Check:
-    """The mean of each tile and channel: light that is missing, misplaced or counted twice somewhere."""
+    """Check the mean of each tile and channel: light that is missing, misplaced or counted twice
+    somewhere.
+    """
     parts = tiles(*pair.stored.shape[:2])
     channels = pair.stored.shape[-1]
     found = [
@@ -95,7 +97,7 @@ def _check_tiles(name: str, pair: Pair, views: int) -> Check:
 
 
 def _check_place(name: str, pair: Pair, views: int) -> Check:
-    """The picture projected on its own slope: a shift by a part of a pixel."""
+    """Check for a shift by a part of a pixel: the picture projected on its own slope."""
     found = []
     for axis in (0, 1):
         w = shift_weights(pair.stored, pair.again, axis)

@@ -77,7 +77,7 @@ def _check_masks(subject: Subject, picture: TruePicture) -> Iterator[Check]:
 
 
 def _check_footprint(subject: Subject, picture: TruePicture) -> Iterator[Check]:
-    """The footprint is where the centre of a pixel sees the target, and the pixels at its outline."""
+    """Check that the footprint is where pixel centres see the target, and the pixels at its outline."""
     footprint = picture.layers["effect.footprint"] > 0
     centre = picture.layers["object_id"] == (subject.truth.target or -1)
     around = ndimage.maximum_filter(centre, size=3) > 0

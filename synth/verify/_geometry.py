@@ -81,7 +81,7 @@ def _check_normals(picture: TruePicture) -> Iterator[Check]:
 
 
 def _check_slopes(picture: TruePicture) -> Check:
-    """The normal of a smooth surface is the cross product of the differences of its positions."""
+    """Check that the normal of a smooth surface is the cross product of the differences of its positions."""
     smooth = _smooth_interior(picture)
     if smooth.sum() < 30:
         return picture.at.skip(

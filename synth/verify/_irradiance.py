@@ -76,7 +76,7 @@ def _relative(found: np.ndarray, wanted: np.ndarray) -> float:
 
 
 def _check_shadow(picture: TruePicture, light: Light) -> Check:
-    """A light is visible exactly where it gives direct light."""
+    """Check that a light is visible exactly where it gives direct light."""
     visible = picture.layers[f"visibility.{light.name}"] > 0
     lit = picture.layers[f"direct.irradiance.{light.name}"].max(axis=-1) > 0
     told = (

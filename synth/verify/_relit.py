@@ -19,12 +19,12 @@ _LIGHTS_OF = "lights of the edits"
 
 
 def edits_of(rebuilt: Rebuilt) -> tuple[Edit, ...]:
-    """The changes of the lights that the spec asks for."""
+    """Return the changes of the lights that the spec asks for."""
     return light_edits(rebuilt.scene, rebuilt.spec.seed) if rebuilt.settings.relighting else ()
 
 
 def check_edits(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
-    """The edits and their lights are those of the spec, to the last digit that JSON keeps."""
+    """Check that edits and their lights are those of the spec, to the last digit that JSON keeps."""
     edits = edits_of(rebuilt)
     others = set(subject.truth.edits) ^ {edit.record for edit in edits}
     names = sorted({record.name for record in others})

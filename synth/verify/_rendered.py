@@ -80,7 +80,7 @@ def check_rendered(
 
 
 def _pair(picture: TruePicture, name: str, again: dict[str, np.ndarray]) -> Pair:
-    """A stored picture and the same one rendered again, with their halves."""
+    """Return a stored picture and the same one rendered again, with their halves."""
     ends = ("half_a", "half_b")
     halves = [picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends]
     return Pair(picture.at, picture.layers[name], again["radiance"], tuple(halves))
@@ -167,7 +167,7 @@ def _is_a_sum(subject: Subject, edit: Edit) -> bool:
 
 
 def _check_albedo(subject: Subject, rebuilt: Rebuilt, pictures: Sequence[TruePicture]) -> Iterator[Check]:
-    """The light that surfaces return, from other directions of the light, and its largest deviation."""
+    """Check the light that surfaces return, from other directions of the light, and its largest deviation."""
     if not subject.is_separated:
         yield subject.at.skip("albedo again: level", "a scene of scalar_rgb holds no albedo")
         return
@@ -205,7 +205,7 @@ def check_surfaces(
 def _check_shadows(
     rebuilt: Rebuilt, camera: Camera, picture: TruePicture, again: Again, bound: float
 ) -> Iterator[Check]:
-    """A light without extent is visible where a ray reaches it and it shines, and only there."""
+    """Check that a light without extent is visible where a ray reaches it and it shines, and only there."""
     stored, found = again
     lights = [light for light in rebuilt.scene.lights if f"visibility.{light.name}" in found]
     for light in lights:

@@ -109,7 +109,10 @@ def _checks_of(subject: Subject, views: int) -> Iterator[Check]:
 
 
 def _check_views(subject: Subject, rebuilt: Rebuilt | str, sound: list[int]) -> Iterator[Check]:
-    """Checks of each view and of each with the one before; the numbers of ``sound`` ones are appended."""
+    """Yield checks of each view and of each with the one before.
+
+    The numbers of ``sound`` ones are appended.
+    """
     training, before, summary = [], None, _summary(subject, rebuilt)
     for picture in subject.pictures():
         values = list(check_values(subject, picture))

@@ -35,7 +35,7 @@ _OWN = 0x6AC4
 def radiance_again(
     rebuilt: Rebuilt, number: int, subject: int, scene: Scene | None = None
 ) -> dict[str, np.ndarray]:
-    """The radiance of a view with as many samples as the truth has, and other random numbers.
+    """Return the radiance of a view with as many samples as the truth has, and other random numbers.
 
     Args:
         rebuilt: The scene, its seed and its settings.
@@ -58,7 +58,7 @@ def emptied_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.n
 
 
 def albedo_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
-    """The albedo of a view, ``(H, W, 3)``, from as many directions as the truth has, and other ones.
+    """Return the albedo of a view, ``(H, W, 3)``, from as many directions as the truth has, and other ones.
 
     Whole images at once: ``llvm_ad_rgb`` only.
     """
@@ -68,7 +68,7 @@ def albedo_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
 
 
 def effects_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
-    """The masks of what the target does, from other random numbers. ``llvm_ad_rgb`` only."""
+    """Return the masks of what the target does, from other random numbers. ``llvm_ad_rgb`` only."""
     scene, settings = rebuilt.scene, rebuilt.settings
     camera, seeds = scene.views[number].camera, _seeds(rebuilt, number, subject)
     whole = load_scene(scene, camera)
@@ -92,7 +92,8 @@ def _seeds(rebuilt: Rebuilt, number: int, subject: int) -> list[int]:
 
 
 def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
-    """A scene whose lights are multiplied channel by channel; those without a strength stay as they are.
+    """Return a scene whose lights are multiplied channel by channel; those without a strength stay as they
+    are.
 
     A light of strength 0 is still sampled as often as before, so the noise of the others is the same.
     """
@@ -183,7 +184,7 @@ def _ids(si: Any, loaded: mi.Scene, scene: Scene, count: int) -> np.ndarray:
 
 
 def _towards(shading: np.ndarray, geometric: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """The shading normal on the camera's side; the triangle's own where that one turns away."""
+    """Return the shading normal on the camera's side; the triangle's own where that one turns away."""
     turned = (shading * rays).sum(-1, keepdims=True) >= 0
     geometric = np.where((geometric * rays).sum(-1, keepdims=True) > 0, -geometric, geometric)
     return np.where(turned, geometric, shading)

@@ -35,7 +35,7 @@ _ROUNDING = 2e-5
 
 
 def bound_of(tests: int) -> float:
-    """The ``|z|`` that none of so many tests of one check exceeds in a faultless scene.
+    """Return the ``|z|`` that none of so many tests of one check exceeds in a faultless scene.
 
     Šidák's correction: all tests together fail with :data:`FALSE_ALARM` / :data:`FAMILIES` at most.
     """
@@ -44,7 +44,7 @@ def bound_of(tests: int) -> float:
 
 
 def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """``a - b``, float64, 0 where they are equal up to the rounding of two renderers."""
+    """Return ``a - b``, float64, 0 where they are equal up to the rounding of two renderers."""
     a, b = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     d = a - b
     return np.where(np.abs(d) <= _ROUNDING * (np.abs(a) + np.abs(b)), 0, d)
@@ -71,7 +71,7 @@ def shift_weights(a: np.ndarray, b: np.ndarray, axis: int) -> np.ndarray:
 
 
 def z_of(weights: np.ndarray, d: np.ndarray) -> float:
-    """The self-normalised sum of the module's head; 0 where all differences are 0."""
+    """Return the self-normalised sum of the module's head; 0 where all differences are 0."""
     contributions = weights * d
     spread = np.sqrt((contributions**2).sum())
     return float(contributions.sum() / spread) if spread > 0 else 0.0

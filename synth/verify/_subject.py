@@ -96,19 +96,19 @@ class Subject:
         return self.is_separated and not (view.split == "train" and asked == "needed")
 
     def pictures(self) -> Iterator[TruePicture]:
-        """The views one after another, so that one at a time is in memory."""
+        """Yield the views one after another, so that one at a time is in memory."""
         for number in range(len(self.truth.views)):
             yield self.picture(number)
 
     def picture(self, number: int) -> TruePicture:
-        """The true layers of a view."""
+        """Return the true layers of a view."""
         view = self.truth.views[number]
         at, layers = At(self.at.scene, view.name), self.truth.layers(view)
         return TruePicture(at, number, view, layers, self.is_split(view))
 
 
 def open_subject(folder: Path) -> Subject:
-    """The scene in a folder; its files have been compared with their hashes before.
+    """Return the scene in a folder; its files have been compared with their hashes before.
 
     Raises:
         GraycardError: A file of it cannot be read.
@@ -129,7 +129,7 @@ def open_subject(folder: Path) -> Subject:
 
 
 def rebuild(manifest: Manifest) -> Rebuilt | str:
-    """The scene that a truth's manifest describes, or why it cannot be built."""
+    """Return the scene that a truth's manifest describes, or why it cannot be built."""
     made_by = manifest.generator.get("generator")
     if made_by != GENERATOR_VERSION:
         return f"the scene is of generator {made_by}, this graycard has generator {GENERATOR_VERSION}"

@@ -45,7 +45,7 @@ class Summary:
             self._near |= _on_surface(self._points, picture, self._settings.point_noise)
 
     def checks(self) -> Iterator[Check]:
-        """The checks, where all views were added."""
+        """Yield the checks, where all views were added."""
         if sum(map(len, self._noise.values())) < len(self._subject.truth.views):
             for name in ("noise ceiling", "diameter"):
                 yield self._subject.at.skip(name, "not all views are whole")

@@ -31,7 +31,7 @@ seen reflects nothing there."""
 
 
 def check_halves(picture: TruePicture, views: int) -> Iterator[Check]:
-    """The halves average to the picture, differ, and differ as much as the variance of the mean says."""
+    """Check that the halves average to the picture, and differ as much as the variance of the mean says."""
     for name in ("radiance", "counterfactual.radiance"):
         if picture.has(name, f"{name}.half_a", f"{name}.half_b", f"{name}.var"):
             mean, var, a, b = (
@@ -74,7 +74,7 @@ def _variance_told(factor: float) -> str:
 def check_parts(
     subject: Subject, picture: TruePicture, lambertian: frozenset[int] = frozenset()
 ) -> Iterator[Check]:
-    """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies.
+    """Check that emitted and all parts add up to radiance, and the diffuse parts are what irradiance implies.
 
     Args:
         subject: The scene.
@@ -116,7 +116,9 @@ def _check_matte(subject: Subject, picture: TruePicture, lambertian: frozenset[i
 
 
 def _check_diffuse(subject: Subject, picture: TruePicture, pure: np.ndarray) -> Iterator[Check]:
-    """The diffuse light of all lights together, then what is direct and what is bounced of each light."""
+    """Check the diffuse light of all lights together, then what is direct and what is bounced of
+    each light.
+    """
     layers, lights = picture.layers, [light.name for light in subject.lights]
     reflectance = layers["diffuse_reflectance"][pure].astype(float)
     direct, bounced = (

@@ -100,7 +100,7 @@ def _range(name: str) -> tuple[float, float]:
 
 
 def _precision(picture: TruePicture) -> Check:
-    """The layer with the largest share of values that survive a way through half precision."""
+    """Return the layer with the largest share of values that survive a way through half precision."""
     shares = {
         name: _half_share(values)
         for name, values in picture.layers.items()

@@ -31,7 +31,7 @@ class Scene:
         return [getattr(self.surfels, one.name) for one in fields(self.surfels)]
 
     def on(self, device: str) -> "Scene":
-        """The same on another device."""
+        """Return the same on another device."""
         tensors = [leaf.detach().to(device).requires_grad_() for leaf in self.leaves]
         return Scene(Surfels(*tensors), self.camera, self.to_features.to(device), self.to_alpha.to(device))
 
@@ -56,7 +56,7 @@ def scene_of(workload: Workload, channels: int, dtype: torch.dtype = torch.float
 
 
 def call_forward(scene: Scene, draw: Draw = rasterize_features) -> FeatureMaps:
-    """The image, without a gradient."""
+    """Return the image, without a gradient."""
     with torch.no_grad():
         maps = draw(scene.surfels, scene.camera)
     scene.finish()
@@ -64,7 +64,7 @@ def call_forward(scene: Scene, draw: Draw = rasterize_features) -> FeatureMaps:
 
 
 def call_both(scene: Scene, draw: Draw = rasterize_features) -> tuple[torch.Tensor, ...]:
-    """The image, and the gradients of all tensors of the surfels."""
+    """Return the image, and the gradients of all tensors of the surfels."""
     maps = draw(scene.surfels, scene.camera)
     wanted = [scene.to_features, scene.to_alpha]
     gradients = torch.autograd.grad([maps.features, maps.alpha], scene.leaves, wanted)
@@ -73,7 +73,7 @@ def call_both(scene: Scene, draw: Draw = rasterize_features) -> tuple[torch.Tens
 
 
 def time_both(scene: Scene, patience: Patience, draw: Draw = rasterize_features) -> tuple[Timing, Timing]:
-    """Times of the two calls."""
+    """Return times of the two calls."""
     forward = time_calls(lambda: call_forward(scene, draw), patience)
     return forward, time_calls(lambda: call_both(scene, draw), patience)
 

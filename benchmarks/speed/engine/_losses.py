@@ -65,7 +65,7 @@ def _cases(size: int) -> list[_Case]:
 
 
 def _both(loss: Loss, first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
-    """The gradient of the first image by the mean of the loss."""
+    """Return the gradient of the first image by the mean of the loss."""
     leaf = first.detach().requires_grad_()
     return torch.autograd.grad(loss(leaf, second).mean(), leaf)[0]
 
@@ -92,7 +92,7 @@ def torch_photometric(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor
 def torch_depth_normal(
     depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, camera: Camera
 ) -> torch.Tensor:
-    """The depth-normal loss as the code of 2D Gaussian Splatting has it, ``(H, W)``."""
+    """Return the depth-normal loss as the code of 2D Gaussian Splatting has it, ``(H, W)``."""
     y, x = torch.meshgrid(torch.arange(camera.height), torch.arange(camera.width), indexing="ij")
     pixels = torch.stack([x + 0.5, y + 0.5, torch.ones_like(x)], dim=-1)
     to_world = camera.camera_to_world[:3, :3] @ np.linalg.inv(camera.K)

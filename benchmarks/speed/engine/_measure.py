@@ -192,7 +192,7 @@ def _engine_costs(plan: SpeedPlan, peak: Peak, progress: Progress) -> Sequence[E
 
 
 def measure_workload(workload: Workload, channels: int, peak: Peak, patience: Patience) -> EngineCost:
-    """The engine on one workload, with as many threads as the peak was measured with.
+    """Return the engine on one workload, with as many threads as the peak was measured with.
 
     Args:
         workload: The scene.

@@ -92,7 +92,7 @@ def _reference(scene: Scene) -> Peer | str:
 
 
 def _gsplat(scene: Scene) -> Peer | str:
-    """The PyTorch impl of gsplatementation; its lists are made before, and not timed."""
+    """Return the PyTorch impl of gsplatementation; its lists are made before, and not timed."""
     if find_spec("gsplat") is None:
         return "gsplat is not installed: pip install 'graycard[cuda]'"
     from graycard.benchmarks.speed._gsplat import accumulate, pairs_of, project

@@ -38,7 +38,7 @@ class Workload:
         return Workload(f"{self.name}, {surfels} surfels", surfels, self.size, scale)
 
     def sized(self, size: int) -> "Workload":
-        """The same cloud on an image of another size."""
+        """Return the same cloud on an image of another size."""
         return Workload(f"{self.name}, {size} px", self.surfels, size, self.scale)
 
 
@@ -55,7 +55,7 @@ PAPER_SIZED = Workload("P", 200_000, 800, 0.0046)
 
 
 def engine_camera(workload: Workload) -> Camera:
-    """The camera in the world's origin that looks along z."""
+    """Return the camera in the world's origin that looks along z."""
     focal, middle = FIELD * workload.size, workload.size / 2
     K = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
     return Camera(workload.size, workload.size, K, np.eye(4))

@@ -86,7 +86,7 @@ def _finished(call: Callable[[], object]) -> object:
 
 
 def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, TrainConfig, SurfelObjective]:
-    """A fit shortly before its end, when every loss and every harmonic counts."""
+    """Return a fit shortly before its end, when every loss and every harmonic counts."""
     camera = engine_camera(workload)
     target = torch.rand(workload.size, workload.size, 3, generator=torch.Generator().manual_seed(0))
     view = EncodedPhotograph(camera, target, sky_basis(camera, settings.sky_degree))

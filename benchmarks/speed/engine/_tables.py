@@ -34,7 +34,7 @@ def engine_tables(speed: EngineSpeed) -> list[SpeedTable]:
 
 
 def disturbed_note(speed: EngineSpeed) -> str:
-    """A sentence on times that were never taken in quiet; empty if there is none."""
+    """Return a sentence on times that were never taken in quiet; empty if there is none."""
     total, bad = 0, 0
     for timing in _timings(speed):
         total, bad = total + 1, bad + timing.disturbed

@@ -89,7 +89,7 @@ def footprints(kernels: Kernels, surfels: Surfels, camera: Camera, offsets: torc
 
 
 def in_float64(surfels: Surfels) -> Surfels:
-    """The projection cancels digits where discs are seen edge-on; float32 would lose them."""
+    """Return the projection cancels digits where discs are seen edge-on; float32 would lose them."""
     return Surfels(
         surfels.centres.double(),
         surfels.rotations.double(),

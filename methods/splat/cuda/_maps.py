@@ -44,7 +44,7 @@ def draw_pairs(
     opacities: torch.Tensor,
     features: torch.Tensor,
 ) -> dict[str, torch.Tensor]:
-    """The fields of ``Maps``, images of float64.
+    """Return the fields of ``Maps``, images of float64.
 
     Args:
         kernels: Of gsplat, or what stands for them.
@@ -87,7 +87,7 @@ def _pairs(
 def _intersect(
     drawn: Footprints, camera: Camera, opacities: torch.Tensor, surfels: torch.Tensor, pixels: torch.Tensor
 ) -> _Hits:
-    """The equations of the reference: ``M (u, v, 1) = z (x, y, 1)``, solved by cofactors.
+    """Return the equations of the reference: ``M (u, v, 1) = z (x, y, 1)``, solved by cofactors.
 
     Pixels are taken relative to the centre of the box, far from the image's corner, where the disc is.
     """
@@ -124,7 +124,7 @@ def _cofactors(M: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def _composite(hits: _Hits, values: torch.Tensor, pixels: int) -> dict[str, torch.Tensor]:
-    """The fields of ``Maps`` with the pixels in one axis."""
+    """Return the fields of ``Maps`` with the pixels in one axis."""
     before = _transmittance(hits)
     weight = torch.where(before > TRANSMITTANCE_MIN, before * hits.alpha, 0.0)
 

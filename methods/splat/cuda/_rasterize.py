@@ -65,7 +65,7 @@ def rasterize_features_cuda(
 
 
 def gsplat_kernels() -> Kernels:
-    """The public functions of gsplat, compiled when first used on a machine.
+    """Return the public functions of gsplat, compiled when first used on a machine.
 
     Raises:
         MethodError: gsplat is not installed, or there is no GPU, or gsplat finds no compiler for it.

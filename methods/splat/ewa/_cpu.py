@@ -40,7 +40,7 @@ def rasterize_gaussians_cpu(
 
 
 def scene_of(gaussians: Gaussians, camera: Camera, features: torch.Tensor) -> Scene:
-    """The arrays behind the tensors."""
+    """Return the arrays behind the tensors."""
     padding = padded_channels(features.shape[1]) - features.shape[1]
     wide = torch.nn.functional.pad(features, (0, padding)).to(torch.float32)
     tensors = gaussians.centres, gaussians.rotations, gaussians.scales, gaussians.opacities, wide

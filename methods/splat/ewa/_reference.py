@@ -77,7 +77,7 @@ def rasterize_gaussians_reference(
 
 
 def footprints(gaussians: Gaussians, camera: Camera) -> Footprints:
-    """The pictures of Gaussians: the perspective is linear about each centre.
+    """Return the pictures of Gaussians: the perspective is linear about each centre.
 
     Far outside of the image it would stretch them beyond all bounds: there the slope of the ray is kept at
     the field of view and a bit.

@@ -16,7 +16,7 @@ from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 
 
 def _floats_at(typing: Any, address: types.Type) -> Any:
-    """The floats at an address."""
+    """Return the floats at an address."""
     pointer = types.CPointer(types.float32)
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
@@ -26,7 +26,7 @@ def _floats_at(typing: Any, address: types.Type) -> Any:
 
 
 def _fused(typing: Any, a: types.Type, b: types.Type, c: types.Type) -> Any:
-    """``a * b + c``, rounded once."""
+    """Return ``a * b + c``, rounded once."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return builder.fma(*given)

@@ -103,7 +103,7 @@ def save_state(checkpoint: Checkpoint, state: FitState, spent: Spent = NOTHING_S
 
 
 def load_state(checkpoint: Checkpoint) -> FitState | None:
-    """The state that was saved last; None if there is no file.
+    """Return the state that was saved last; None if there is no file.
 
     Raises:
         MethodError: The file is damaged, or is of another fit.

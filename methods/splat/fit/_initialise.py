@@ -16,7 +16,7 @@ def surfels_from_points(
     opacity: float = 0.1,
     smallest_scale: float = 1e-4,
 ) -> Surfels:
-    """A round disc on each point, as wide as its nearest neighbours are far.
+    """Return a round disc on each point, as wide as its nearest neighbours are far.
 
     Args:
         points: shape ``(N, 3)``, world, metres, N >= 2.
@@ -49,7 +49,7 @@ def surfels_from_points(
 
 
 def rotations_to(normals: np.ndarray) -> np.ndarray:
-    """The shortest rotation that takes the z axis to each normal, as ``(w, x, y, z)``.
+    """Return the shortest rotation that takes the z axis to each normal, as ``(w, x, y, z)``.
 
     The half-way quaternion ``(1 + z.n, z x n)``, scaled to unit length; straight down, where it
     vanishes, is half a turn about x.

@@ -37,14 +37,14 @@ class LearningRateSchedule:
             raise ValueError(f"expected windows within 0 to 1, got {self.windows}")
 
     def at(self, share: float) -> float:
-        """The rate when a share of the budget, 0 to 1, is spent."""
+        """Return the rate when a share of the budget, 0 to 1, is spent."""
         if not any(first <= share < last for first, last in self.windows):
             return 0.0
         end = self.start if self.end is None else self.end
         return self.start * (end / self.start) ** share
 
     def times(self, factor: float) -> "LearningRateSchedule":
-        """The rate of a parameter in another unit."""
+        """Return the rate of a parameter in another unit."""
         return replace(self, start=self.start * factor, end=None if self.end is None else self.end * factor)
 
 
@@ -88,7 +88,7 @@ class FitState:
 
 
 def initial_state(parameters: Parameters, seed: int) -> FitState:
-    """The state before the first step."""
+    """Return the state before the first step."""
     parameters = Parameters(_dense(parameters.surfels), _dense(parameters.shared))
     moments = {name: _no_moments(values) for name, values in parameters.all.items()}
     random = torch.Generator().manual_seed(seed).get_state()
@@ -189,7 +189,7 @@ def watch_screen(
 
 
 def _dense(values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Copies, which steps may change, in C order: the kernel of Adam reads memory as it lies."""
+    """Return Copies, which steps may change, in C order: the kernel of Adam reads memory as it lies."""
     return {name: v.clone(memory_format=torch.contiguous_format) for name, v in values.items()}
 
 
@@ -198,7 +198,9 @@ def _no_moments(values: torch.Tensor) -> AdamMoments:
 
 
 def _check_finite(gradients: Mapping[str, torch.Tensor], step: int) -> None:
-    """A sum is finite if its terms are, but for overflow: look closer only where one is not."""
+    """Refuse gradients that are not finite. A sum is finite if its terms are: look closer only
+    where one is not.
+    """
     sums = [gradient.sum() for gradient in gradients.values()]
     if not sums or bool(torch.stack(sums).isfinite().all()):
         return

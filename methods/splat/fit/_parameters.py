@@ -44,7 +44,7 @@ class Parameters:
             raise ValueError(f"expected each name once, got {', '.join(twice)} for surfels and shared")
 
     def __len__(self) -> int:
-        """The number of surfels."""
+        """Return the number of surfels."""
         return len(self.surfels[CENTRES])
 
     @property
@@ -62,7 +62,7 @@ def parameters_of(
     others: Mapping[str, torch.Tensor] | None = None,
     shared: Mapping[str, torch.Tensor] | None = None,
 ) -> Parameters:
-    """The parameters behind surfels; their features are left out.
+    """Return the parameters behind surfels; their features are left out.
 
     Args:
         surfels: N of them.
@@ -108,7 +108,7 @@ def arrays_of(parameters: Parameters) -> dict[str, np.ndarray]:
 
 
 def parameters_from(arrays: Mapping[str, np.ndarray]) -> Parameters:
-    """The parameters of :func:`arrays_of`; copies.
+    """Return the parameters of :func:`arrays_of`; copies.
 
     Raises:
         ValueError: A part of the geometry is missing, or the numbers of surfels differ.
@@ -121,8 +121,8 @@ def parameters_from(arrays: Mapping[str, np.ndarray]) -> Parameters:
 
 
 def scene_extent(cameras: list[Camera]) -> float:
-    """The yardstick of learning rates and sizes, metres: 1.1 times the largest distance of a camera from
-    the mean of the cameras (Kerbl et al. 2023, their code's ``cameras_extent``).
+    """Return the yardstick of learning rates and sizes, metres: 1.1 times the largest distance of a camera
+    from the mean of the cameras (Kerbl et al. 2023, their code's ``cameras_extent``).
 
     Raises:
         ValueError: There is no camera.

@@ -12,14 +12,14 @@ from graycard.methods.splat.fit._parameters import CENTRES, LOG_SCALES
 
 
 def view_at(step: int, views: int, seed: int) -> int:
-    """The number of the view of a step: each once in a round, in an order that the seed decides."""
+    """Return the number of the view of a step: each once in a round, in an order that the seed decides."""
     round_, place = divmod(step, views)
     return _order(round_, views, seed)[place]
 
 
 @lru_cache(maxsize=1)
 def _order(round_: int, views: int, seed: int) -> tuple[int, ...]:
-    """The views of a round: kept, since to begin a generator takes longer than to draw all of them."""
+    """Return the views of a round: kept, since to begin a generator takes longer than to draw all of them."""
     return tuple(np.random.default_rng((seed, round_)).permutation(views).tolist())
 
 

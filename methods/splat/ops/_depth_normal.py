@@ -15,7 +15,7 @@ from graycard.methods.splat.ops._pytorch import normal_mismatch, normals_of_dept
 
 
 def depth_to_normals(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
-    """Normals of the surface through the back-projected pixels.
+    """Return normals of the surface through the back-projected pixels.
 
     The central differences of the points to the right and downwards are crossed, as in 2D Gaussian Splatting
     (Huang et al. 2024, equation 15 and their code); the result faces the camera.
@@ -139,7 +139,7 @@ class _Normals(torch.autograd.Function):
     def backward(  # type: ignore[override]  # the decorator hides the name of ctx from type checkers
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
-        """The gradient of the depth."""
+        """Return the gradient of the depth."""
         from graycard.methods.splat.ops._depth_normal_backward import normals_backward
 
         (depth,) = ctx.saved_tensors
@@ -168,7 +168,7 @@ class _Mismatch(torch.autograd.Function):
     def backward(  # type: ignore[override]  # as above
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
-        """The gradients of depth and normal."""
+        """Return the gradients of depth and normal."""
         depth, normal, alpha = (_numbers(one) for one in ctx.saved_tensors)
         made = _mismatch_gradients(depth, normal, alpha, ctx.frame, _numbers(grad_outputs[0]))
         return *(torch.from_numpy(values) for values in made), None, None

@@ -30,7 +30,7 @@ def pull(depth, row, column, frame, upstream, pulls):
 
 @njit(**INLINED)
 def times_opposite(pulled, opposite):
-    """A pull times the depth on the other side, which may be anything where nothing pulls."""
+    """Return a pull times the depth on the other side, which may be anything where nothing pulls."""
     return pulled * opposite if pulled != 0 else pulled
 
 

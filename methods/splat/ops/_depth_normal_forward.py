@@ -21,7 +21,7 @@ def is_surface(z):
 
 @njit(error_model="numpy", **INLINED)
 def meet(left, right, above, below, x, y, lens):
-    """The normal at a pixel.
+    """Return the normal at a pixel.
 
     Args:
         left: depth of this neighbour, and
@@ -58,7 +58,7 @@ def turned(matrix, x, y, z):
 
 @njit(**INLINED)
 def unit_normal(depth, row, column, frame):
-    """The unit normal in the world at a pixel inside the border, zero where there is none."""
+    """Return the unit normal in the world at a pixel inside the border, zero where there is none."""
     x, y, z, over, _there = meet(
         depth[row, column - 1], depth[row, column + 1], depth[row - 1, column], depth[row + 1, column],
         frame.rays[0, column] + frame.rays[1, row], frame.rays[2, row], frame.lens,
@@ -68,7 +68,7 @@ def unit_normal(depth, row, column, frame):
 
 @njit(error_model="numpy", **UNWRAPPED)
 def normal_rows(part, parts, depth, frame, normals):
-    """Unit normals of the surface through the points at given depths.
+    """Write unit normals of the surface through the points at given depths.
 
     Args:
         part: which of the

@@ -93,7 +93,7 @@ def dot_line(a, b):
 
 @njit(**INLINED)
 def scaled_line(factor, a):
-    """A triple of vectors times a vector."""
+    """Return a triple of vectors times a vector."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
@@ -173,7 +173,7 @@ def pull_line(depth, at, width, ray, frame, normal, weight):
 
 @njit(**INLINED)
 def times_opposite_line(pulls, at, depth, opposite):
-    """A pull times the depth on the other side, which may be anything where nothing pulls."""
+    """Return a pull times the depth on the other side, which may be anything where nothing pulls."""
     pulled, zero = simd.load(pulls, at), simd.broadcast(0.0)
     product = pulled * simd.load(depth, opposite)
     return simd.where_less(zero, pulled, product, simd.where_less(pulled, zero, product, pulled))

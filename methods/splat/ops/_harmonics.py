@@ -44,7 +44,7 @@ def harmonics_basis(directions: np.ndarray, degree: int) -> np.ndarray:
 def spherical_harmonics_colours(
     coefficients: torch.Tensor, centres: torch.Tensor, eye: np.ndarray, degree: int
 ) -> torch.Tensor:
-    """The sum of coefficients times harmonics in the direction from an eye to each centre.
+    """Return the sum of coefficients times harmonics in the direction from an eye to each centre.
 
     Nothing is added and nothing is cut off: 3D Gaussian Splatting adds one half and clips at zero.
 
@@ -85,7 +85,7 @@ class _Colours(torch.autograd.Function):
     def forward(
         ctx: Any, coefficients: torch.Tensor, centres: torch.Tensor, eye: np.ndarray, used: int
     ) -> torch.Tensor:
-        """The colours."""
+        """Return the colours."""
         from graycard.methods.splat.ops._harmonics_forward import (
             colours_forward,  # Numba takes long to import
         )

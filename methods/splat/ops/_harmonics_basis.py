@@ -48,7 +48,7 @@ def harmonics(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
 
 
 def slopes_x(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
-    """Derivatives of the polynomials with respect to x."""
+    """Return derivatives of the polynomials with respect to x."""
     return (
         0.0,
         0.0,
@@ -70,7 +70,7 @@ def slopes_x(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
 
 
 def slopes_y(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
-    """Derivatives of the polynomials with respect to y."""
+    """Return derivatives of the polynomials with respect to y."""
     return (
         0.0,
         -_C1,
@@ -92,7 +92,7 @@ def slopes_y(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
 
 
 def slopes_z(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
-    """Derivatives of the polynomials with respect to z."""
+    """Return derivatives of the polynomials with respect to z."""
     return (
         0.0,
         0.0,

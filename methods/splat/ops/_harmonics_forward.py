@@ -14,7 +14,7 @@ _basis = njit(harmonics, **UNWRAPPED)
 
 @njit(**UNWRAPPED)
 def direction(centres: np.ndarray, surfel: int, eye: np.ndarray) -> tuple[float, float, float, float]:
-    """Unit vector from the eye to a centre, and one over their distance; zeros if they coincide."""
+    """Return unit vector from the eye to a centre, and one over their distance; zeros if they coincide."""
     x, y, z = centres[surfel, 0] - eye[0], centres[surfel, 1] - eye[1], centres[surfel, 2] - eye[2]
     square = x * x + y * y + z * z
     inverse = 1 / np.sqrt(square) if square > 0 else 0.0

@@ -76,7 +76,9 @@ def photometric_map(
 def _compare(
     image: torch.Tensor, target: torch.Tensor, base: float, absolute: float, dissimilar: float
 ) -> torch.Tensor:
-    """The kernels' map; images too narrow for a vector get columns of zeros, which lie beyond them anyway."""
+    """Return the kernels' map; images too narrow for a vector get columns of zeros, which lie beyond them
+    anyway.
+    """
     _check(image, target)
     if not is_on_cpu(image):
         return compare_images(image, target.detach(), (base, absolute, dissimilar))
@@ -139,7 +141,7 @@ class _Compare(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, image: torch.Tensor, target: torch.Tensor, terms: np.ndarray) -> torch.Tensor:
-        """The map of ``ssim_forward``."""
+        """Return the map of ``ssim_forward``."""
         from graycard.methods.splat.ops._ssim_forward import SAVED, ssim_forward
 
         values = torch.empty_like(image, memory_format=torch.contiguous_format)
@@ -154,7 +156,7 @@ class _Compare(torch.autograd.Function):
     def backward(  # type: ignore[override]  # the decorator hides the name of ctx from type checkers
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
-        """The gradient of the image."""
+        """Return the gradient of the image."""
         from graycard.methods.splat.ops._ssim_backward import ssim_backward
 
         to_image = torch.empty(grad_outputs[0].shape)

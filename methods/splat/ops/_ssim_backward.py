@@ -17,7 +17,7 @@ from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, ru
 
 @njit(**INLINED, **BORROWING)
 def column_gather(saved, upstream, row, at, length, first, past):
-    """Sums down sixteen columns: of K, of L, and of the rest, taken from the means in this row."""
+    """Return sums down sixteen columns: of K, of L, and of the rest, taken from the means in this row."""
     of_k, of_l, rest = simd.broadcast(0.0), simd.broadcast(0.0), simd.broadcast(0.0)
     here = row * SAVED * length + at
     mean_x, mean_d = simd.load(saved, here), simd.load(saved, here + length)
@@ -35,7 +35,7 @@ def column_gather(saved, upstream, row, at, length, first, past):
 
 @njit(**INLINED, **BORROWING)
 def row_gather(lines, stride, at, channels, x, d):
-    """Sums of the columns' sums over the windows around sixteen places, whose values are x and d."""
+    """Return sums of the columns' sums over the windows around sixteen places, whose values are x and d."""
     total = simd.broadcast(0.0)
     for tap in range(WINDOW):
         place = at + tap * channels

@@ -33,7 +33,7 @@ SAVED = 5
 
 
 def window() -> np.ndarray:
-    """The Gaussian along one axis, float32, shape ``(WINDOW,)``, with the sum one."""
+    """Return the Gaussian along one axis, float32, shape ``(WINDOW,)``, with the sum one."""
     weights = np.exp(-0.5 * (np.arange(-REACH, REACH + 1) / SIGMA) ** 2)
     return (weights / weights.sum()).astype(np.float32)
 
@@ -89,7 +89,7 @@ def column_statistics(image, target, begin, length, first, past):
 
 @njit(**INLINED, **BORROWING)
 def row_statistics(lines, stride, at, channels):
-    """The same over the windows around sixteen places.
+    """Return the same over the windows around sixteen places.
 
     ``lines`` are those of the columns, each ``stride`` floats long, the windows' first column at ``at``.
     """
@@ -137,7 +137,7 @@ def dissimilarity(statistics, saved, at, length, keep):
 
 @njit(**UNWRAPPED)
 def ssim_forward_part(part, parts, pictures, terms, values, saved):
-    """``base + absolute * |x - y| + dissimilar * (1 - SSIM)`` at every pixel and channel.
+    """Write ``base + absolute * |x - y| + dissimilar * (1 - SSIM)`` at every pixel and channel.
 
     Args:
         part: which of the

@@ -127,7 +127,7 @@ def add_linear(sums, gradient, x, y):
 
 @njit(**INLINED)
 def add_geometry(sums, met, to_log, x, y):
-    """Sums of ``PLAIN``, but for factors of two: only the larger Gaussian has any gradient."""
+    """Return sums of ``PLAIN``, but for factors of two: only the larger Gaussian has any gradient."""
     u, v, over, disc, low_pass = met
     zero = simd.broadcast(0.0)
     to_disc = simd.where_at_least(low_pass, disc, to_log * over, zero)
@@ -149,7 +149,7 @@ def add_height(sums, met, to_height, z, x, y):
 
 @njit(**INLINED)
 def pull_of_channels(features, surfel, channels, gradients, block, template, sixteen):
-    """Derivative of the loss by the weight of a surfel, from its channels."""
+    """Return derivative of the loss by the weight of a surfel, from its channels."""
     pull, channel = simd.broadcast(0.0), 0
     place = block * channels * LANES
     if sixteen is not None:
@@ -165,7 +165,7 @@ def pull_of_channels(features, surfel, channels, gradients, block, template, six
 
 @njit(**INLINED)
 def pull_of_shape(normals, surfel, planes, block, depth):
-    """The same from normal and moments; and the derivative by the depth, of one weight."""
+    """Return the same from normal and moments; and the derivative by the depth, of one weight."""
     place = block * PLANES * LANES
     pull = many.add_dot(simd.broadcast(0.0), normals, surfel * 3, many.load_many(planes, place, NORMAL))
     total, first, square, mean, mean_over = many.load_many(planes, place + 3 * LANES, CENTRED)
@@ -178,7 +178,7 @@ def pull_of_shape(normals, surfel, planes, block, depth):
 
 @njit(**INLINED)
 def pull_of_median(planes, block, rank):
-    """Derivative of the loss by the depth of a surfel, where the median depth is its own."""
+    """Return derivative of the loss by the depth of a surfel, where the median depth is its own."""
     place, zero = block * PLANES * LANES, simd.broadcast(0.0)
     named, mine = simd.load(planes, place + RANK * LANES), simd.broadcast(np.float32(rank))
     pull = simd.where_at_least(named, mine, simd.load(planes, place + TO_MEDIAN * LANES), zero)

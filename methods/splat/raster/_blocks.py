@@ -130,7 +130,7 @@ def block_columns(low, high, corner):
 
 @njit(**INLINED)
 def next_bit(bits):
-    """The place of the lowest bit, and the bits without it."""
+    """Return the place of the lowest bit, and the bits without it."""
     return words.lowest_bit(bits), bits & (bits - np.uint64(1))
 
 

@@ -31,7 +31,7 @@ TO_DEPTH, TO_DISTORTION = 3, 4
 
 
 def flat(image: np.ndarray | None) -> np.ndarray | None:
-    """An image as a line, if there is one; for kernels, where the type decides."""
+    """Return an image as a line, if there is one; for kernels, where the type decides."""
     return None if image is None else image.reshape(-1)
 
 

@@ -35,7 +35,7 @@ def is_whole(tile_x, tile_y, image):
 
 @njit(**INLINED)
 def as_image(plane):
-    """The same values as an image of one channel."""
+    """Return the same values as an image of one channel."""
     return plane.reshape(plane.shape[0], plane.shape[1], 1)
 
 

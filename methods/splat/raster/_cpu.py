@@ -54,7 +54,10 @@ def rasterize_features_cpu(
     features: torch.Tensor | None = None,
     offsets: torch.Tensor | None = None,
 ) -> FeatureMaps:
-    """The features and alpha of :func:`rasterize_cpu`, drawn alone; arguments and errors are as there."""
+    """Return the features and alpha of :func:`rasterize_cpu`, drawn alone.
+
+    Arguments and errors are as there.
+    """
     image, alpha = _draw(surfels, camera, features, offsets, False)
     return FeatureMaps(image, alpha)
 
@@ -66,7 +69,7 @@ def _draw(
     offsets: torch.Tensor | None,
     shaped: bool,
 ) -> list[torch.Tensor]:
-    """The image, alpha, and the maps of ``Shape`` if they are asked for; in the surfels' dtype."""
+    """Return the image, alpha, and the maps of ``Shape`` if they are asked for; in the surfels' dtype."""
     features, offsets = checked_features(surfels, features), checked_offsets(surfels, offsets)
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
@@ -122,14 +125,14 @@ class _Draw(torch.autograd.Function):
 
 
 def _scene(tensors: list[torch.Tensor], view: _View) -> Scene:
-    """The arrays behind the tensors."""
+    """Return the arrays behind the tensors."""
     *geometry, features, offsets = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
     arrays = [*geometry, features.astype(np.float32, copy=False), offsets]
     return cast(Any, Scene)(*arrays, *view)
 
 
 def _images(drawn: Drawn) -> list[np.ndarray]:
-    """The outputs of the differentiable step.
+    """Return the outputs of the differentiable step.
 
     Alpha is made here, not in PyTorch: the threads of PyTorch go on spinning after each step of theirs, on
     the cores where the kernels run next.

@@ -84,7 +84,7 @@ def write_anchor(made, axis, value):
 
 @njit(**INLINED, **BORROWING)
 def write_columns(made, discs, logarithm, anchor, to_rays):
-    """The columns of ``_coefficients`` of eight surfels."""
+    """Write the columns of ``_coefficients`` of eight surfels."""
     u, v, away, centre, scales = discs.u, discs.v, discs.away, discs.centre, discs.sizes
     height = dot(away, centre)
     first = scaled(HALF_ROOT / scales[0], added(scaled(height, u), -dot(u, centre), away))

@@ -85,19 +85,19 @@ def dot(a, b):
 
 @njit(**INLINED, **BORROWING)
 def scaled(factor, a):
-    """A triple times a number."""
+    """Return a triple times a number."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 @njit(**INLINED, **BORROWING)
 def added(a, factor, b):
-    """``a + factor * b``, triples a and b."""
+    """Return ``a + factor * b``, triples a and b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @njit(**INLINED, **BORROWING)
 def turned(matrix, a):
-    """The left 3 x 3 of a matrix times a triple."""
+    """Return the left 3 x 3 of a matrix times a triple."""
     return (
         matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
         matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
@@ -107,7 +107,7 @@ def turned(matrix, a):
 
 @njit(**INLINED, **BORROWING)
 def turned_back(matrix, a):
-    """The transposed left 3 x 3 of a matrix times a triple."""
+    """Return the transposed left 3 x 3 of a matrix times a triple."""
     return (
         matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
         matrix[0, 1] * a[0] + matrix[1, 1] * a[1] + matrix[2, 1] * a[2],
@@ -117,7 +117,7 @@ def turned_back(matrix, a):
 
 @njit(**INLINED, **BORROWING)
 def unit_quaternion(w, x, y, z):
-    """The same of unit length, and the length that was there."""
+    """Return the same of unit length, and the length that was there."""
     length = doubles.square_root(w * w + x * x + y * y + z * z)
     over = 1 / length
     return (w * over, x * over, y * over, z * over), length
@@ -125,7 +125,7 @@ def unit_quaternion(w, x, y, z):
 
 @njit(**INLINED, **BORROWING)
 def disc_axes(quaternion):
-    """The disc's x, y and z axis in the world: the columns of the rotation matrix."""
+    """Return the disc's x, y and z axis in the world: the columns of the rotation matrix."""
     w, x, y, z = quaternion
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
@@ -151,14 +151,15 @@ def seen(numbers, pose):
 
 @njit(**INLINED, **BORROWING)
 def on_image(form, to_rays, anchor):
-    """A linear form on rays as one on pixels: slopes, and the value at the anchor."""
+    """Return a linear form on rays as one on pixels: slopes, and the value at the anchor."""
     x, y, constant = turned_back(to_rays, form)
     return x, y, x * anchor[0] + y * anchor[1] + constant
 
 
 @njit(**INLINED, **BORROWING)
 def rim(square, K, u, v, centre):
-    """The conic of the disc's rim, projected: the middle of its box, the middle over its norm, and the norm.
+    """Return the conic of the disc's rim, projected: the middle of its box, the middle over its norm, and the
+    norm.
 
     With the image coordinates ``m = K a`` of the columns a of (u, v, centre), depths d and signs
     f = (r^2, r^2, -1), the middle is ``sum f m d / sum f d d``: the pole of the image's edge direction

@@ -41,7 +41,7 @@ UNCHECKED = 2**26
 
 
 def padded_channels(channels: int) -> int:
-    """The number of channels that is drawn for so many: kernels are compiled for few numbers.
+    """Return the number of channels that is drawn for so many: kernels are compiled for few numbers.
 
     One to three cost the same, so do four to eight; more are drawn in groups of ``GROUP``.
     """

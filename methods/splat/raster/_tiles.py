@@ -76,7 +76,7 @@ def tile_of(number, columns, start):
 
 @njit(**INLINED)
 def past_tile(pixel):
-    """The first tile that begins at or after a pixel."""
+    """Return the first tile that begins at or after a pixel."""
     return (pixel + TILE - 1) // TILE
 
 
@@ -122,7 +122,7 @@ def _running_areas(bounds, slots):
 
 @njit(**UNWRAPPED)
 def _keys(bounds, depths):
-    """The surfels that are seen, each with the leading bits of its depth above its index, unsorted.
+    """Return the surfels that are seen, each with the leading bits of its depth above its index, unsorted.
 
     Positive floats sort as the integers that their bits are.
     """
@@ -167,7 +167,7 @@ def _sort(keys):
 
 @njit(cache=True)
 def _nearest_first(bounds, depths):
-    """Indices of the surfels that are seen, int32, by depth."""
+    """Return indices of the surfels that are seen, int32, by depth."""
     keys = _sort(_keys(bounds, depths))
     order, mask = np.empty(len(keys), np.int32), np.uint64(2**INDEX_BITS - 1)
     for place in range(len(keys)):

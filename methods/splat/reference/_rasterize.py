@@ -66,7 +66,7 @@ def rasterize_features_reference(
     features: torch.Tensor | None = None,
     offsets: torch.Tensor | None = None,
 ) -> FeatureMaps:
-    """The features and alpha of :func:`rasterize_reference`; arguments and errors are as there."""
+    """Return the features and alpha of :func:`rasterize_reference`; arguments and errors are as there."""
     features = checked_features(surfels, features)
     _seen, hits, order = _look(surfels, camera, offsets)
     _before, weight = _weights(hits)
@@ -75,7 +75,7 @@ def rasterize_features_reference(
 
 
 def checked_features(surfels: Primitives, features: torch.Tensor | None) -> torch.Tensor:
-    """The features to draw, after a look at them.
+    """Return the features to draw, after a look at them.
 
     Raises:
         ValueError: They do not fit the surfels, or are not finite.
@@ -87,7 +87,7 @@ def checked_features(surfels: Primitives, features: torch.Tensor | None) -> torc
 
 
 def checked_offsets(surfels: Surfels, offsets: torch.Tensor | None) -> torch.Tensor | None:
-    """The offsets, after a look at them.
+    """Return the offsets, after a look at them.
 
     Raises:
         ValueError: They do not fit the surfels, or are not finite.
@@ -112,7 +112,7 @@ def _check(name: str, values: object, surfels: Primitives, width: int | None) ->
 def _look(
     surfels: Surfels, camera: Camera, offsets: torch.Tensor | None
 ) -> tuple[CameraSurfels, _Hits, torch.Tensor]:
-    """The surfels in drawing order, what they hit, and the order."""
+    """Return the surfels in drawing order, what they hit, and the order."""
     offsets = checked_offsets(surfels, offsets)
     offsets = torch.zeros_like(surfels.centres[:, :2]) if offsets is None else offsets
     seen = see(surfels, camera)
@@ -128,7 +128,7 @@ def _as_images(maps: dict[str, torch.Tensor], camera: Camera) -> dict[str, torch
 
 
 def _drawing_order(seen: CameraSurfels) -> torch.Tensor:
-    """Indices of the surfels in front of the camera, nearest centre first, equals as they came."""
+    """Return indices of the surfels in front of the camera, nearest centre first, equals as they came."""
     z = seen.centres[:, 2]
     order = torch.argsort(z, stable=True)
     return order[z[order] > NEAR]
@@ -161,7 +161,7 @@ def _intersect(seen: CameraSurfels, opacities: torch.Tensor, offsets: torch.Tens
 
 
 def _composite(hits: _Hits, features: torch.Tensor, normals: torch.Tensor) -> dict[str, torch.Tensor]:
-    """The fields of :class:`Maps` with the pixels still in one axis."""
+    """Return the fields of :class:`Maps` with the pixels still in one axis."""
     before, weight = _weights(hits)
     alpha = weight.sum(dim=0)
     covered = torch.where(alpha > 0, alpha, 1.0)
@@ -196,7 +196,7 @@ def last_of_half(depth: torch.Tensor, before: torch.Tensor, weight: torch.Tensor
 
 
 def _distortion(weight: torch.Tensor, depth: torch.Tensor) -> torch.Tensor:
-    """The sum over pairs, as total weight times the weighted square deviation from the mean.
+    """Return the sum over pairs, as total weight times the weighted square deviation from the mean.
 
     Equal to ``sum w * sum w m^2 - (sum w m)^2``, which would lose digits where depths are close.
     """

@@ -40,7 +40,7 @@ class _Model(models.PrimitiveModel):
 
 
 def _operand(context: Any, builder: ir.IRBuilder, given: types.Type, value: Any) -> Any:
-    """A vector as it is, a number in all lanes."""
+    """Return a vector as it is, a number in all lanes."""
     if given == float64x8:
         return value
     empty = ir.Constant(_VECTOR, ir.Undefined)
@@ -71,7 +71,7 @@ def _signature(*given: types.Type) -> Any:
 
 
 def _lanewise(name: str, summary: str) -> Any:
-    """An intrinsic that calls one of LLVM's on each lane."""
+    """Return an intrinsic that calls one of LLVM's on each lane."""
 
     def operation(typing: Any, values: types.Type) -> Any:
         def generate(builder: ir.IRBuilder, given: Any) -> Any:
@@ -84,7 +84,7 @@ def _lanewise(name: str, summary: str) -> Any:
 
 
 def _extreme(comparison: str, summary: str) -> Any:
-    """An intrinsic from two vectors to one."""
+    """Return an intrinsic from two vectors to one."""
 
     def operation(typing: Any, a: types.Type, b: types.Type) -> Any:
         def generate(builder: ir.IRBuilder, x: Any, y: Any) -> Any:

@@ -45,7 +45,7 @@ def _count(given: types.Type) -> int:
 
 
 def _vectors(given: types.Type) -> types.UniTuple:
-    """The type of a tuple of vectors.
+    """Return the type of a tuple of vectors.
 
     Raises:
         TypingError: It is none.
@@ -77,7 +77,7 @@ def _fused(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
 
 @_instruction
 def repeat(typing: Any, vector: types.Type, template: types.Type) -> Any:
-    """The same vector in every place."""
+    """Return the same vector in every place."""
     result = types.UniTuple(float32x16, _count(template))
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
@@ -155,7 +155,7 @@ def add_products(typing: Any, sums: types.Type, by: types.Type, vectors: types.T
 def add_dot(
     typing: Any, start: types.Type, array: types.Type, offset: types.Type, vectors: types.Type
 ) -> Any:
-    """The vector ``start`` plus the sum over i of ``array[offset + i]`` times vector i.
+    """Return the vector ``start`` plus the sum over i of ``array[offset + i]`` times vector i.
 
     Two partial sums, for one would have to wait for itself.
     """
@@ -175,7 +175,7 @@ def add_dot(
 
 @_instruction
 def add_pairs(typing: Any, start: types.Type, a: types.Type, b: types.Type) -> Any:
-    """The vector ``start`` plus the sum over i of vector i of a times vector i of b."""
+    """Return the vector ``start`` plus the sum over i of vector i of a times vector i of b."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         total = given[0]
@@ -218,7 +218,8 @@ def add_rows(typing: Any, sums: types.Type, array: types.Type, offset: types.Typ
 
 @_instruction
 def lane_sums(typing: Any, vectors: types.Type) -> Any:
-    """A tuple of up to sixteen vectors to one: lane i is the sum of the lanes of vector i, the rest zero.
+    """Return a tuple of up to sixteen vectors to one: lane i is the sum of the lanes of vector i, the rest
+    zero.
 
     A tree in a fixed order, see :func:`_simd.lane_sums`.
     """

@@ -26,7 +26,7 @@ _FLOAT, _INT = ir.FloatType(), ir.IntType(32)
 def load_pixels(
     typing: Any, array: types.Type, offset: types.Type, jump: types.Type, template: types.Type
 ) -> Any:
-    """The channels of a block whose rows begin ``jump`` floats apart, from ``array[offset:]`` on.
+    """Return the channels of a block whose rows begin ``jump`` floats apart, from ``array[offset:]`` on.
 
     A pixel has as many channels as the template is long, side by side.
     """
@@ -40,7 +40,7 @@ def load_pixels(
 
 @_instruction
 def load_line(typing: Any, array: types.Type, offset: types.Type, template: types.Type) -> Any:
-    """The channels of sixteen pixels side by side, from ``array[offset:]`` on."""
+    """Return the channels of sixteen pixels side by side, from ``array[offset:]`` on."""
     channels = _count(template)
 
     def code(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[Any]) -> Any:

@@ -92,7 +92,7 @@ def _signature(*given: types.Type) -> Any:
 
 
 def _binary(generate: Callable[..., Any], summary: str) -> Any:
-    """An intrinsic from two vectors to one."""
+    """Return an intrinsic from two vectors to one."""
 
     def operation(typing: Any, a: types.Type, b: types.Type) -> Any:
         return _signature(a, b), lambda _context, builder, _types, given: generate(builder, *given)
@@ -102,7 +102,7 @@ def _binary(generate: Callable[..., Any], summary: str) -> Any:
 
 
 def _selection(comparison: str, summary: str) -> Any:
-    """An intrinsic that takes lanes from one of two vectors by comparing two others."""
+    """Return an intrinsic that takes lanes from one of two vectors by comparing two others."""
 
     def select(typing: Any, a: types.Type, b: types.Type, yes: types.Type, no: types.Type) -> Any:
         def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
@@ -164,7 +164,7 @@ def load_scalar(typing: Any, array: types.Type, offset: types.Type) -> Any:
 
 @_instruction
 def broadcast(typing: Any, scalar: types.Type) -> Any:
-    """A number, as float32, in all lanes."""
+    """Return a number, as float32, in all lanes."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return _splat(builder, given[0])
@@ -174,7 +174,9 @@ def broadcast(typing: Any, scalar: types.Type) -> Any:
 
 @_instruction
 def fma(typing: Any, a: types.Type, b: types.Type, c: types.Type) -> Any:
-    """``a * b + c``: rounded once where the processor can, else twice (and never by a library call)."""
+    """Return ``a * b + c``: rounded once where the processor can, else twice (and never by a
+    library call).
+    """
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return _call(builder, "llvm.fmuladd.v16f32", given)
@@ -194,7 +196,7 @@ def fnma(typing: Any, a: types.Type, b: types.Type, c: types.Type) -> Any:
 
 @_instruction
 def square_root(typing: Any, values: types.Type) -> Any:
-    """Rounded as IEEE 754 has it; NaN of negative numbers."""
+    """Return rounded as IEEE 754 has it; NaN of negative numbers."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return _call(builder, "llvm.sqrt.v16f32", given)
@@ -225,7 +227,7 @@ def exp2(typing: Any, exponent: types.Type) -> Any:
 
 @_instruction
 def largest_lane(typing: Any, values: types.Type) -> Any:
-    """The largest of the sixteen, a float32. No NaN may come."""
+    """Return the largest of the sixteen, a float32. No NaN may come."""
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
         return _call(builder, "llvm.vector.reduce.fmax.v16f32", given, _FLOAT)
@@ -246,7 +248,7 @@ def _fold_pair(builder: ir.IRBuilder, x: Any, y: Any, half: int) -> Any:
 
 @_instruction
 def lane_sums(typing: Any, vectors: types.Type) -> Any:
-    """A tuple of sixteen vectors to one vector: lane i is the sum of the lanes of vector i.
+    """Return a tuple of sixteen vectors to one vector: lane i is the sum of the lanes of vector i.
 
     A tree of 15 additions and 30 shuffles in a fixed order, where sixteen sums one by one take 64 of each.
     """

@@ -50,7 +50,7 @@ def bit_count(typing: Any, bits: types.Type) -> Any:
 
 
 def _prefetch(writes: bool, summary: str) -> Any:
-    """An intrinsic that asks for one line of the cache."""
+    """Return an intrinsic that asks for one line of the cache."""
 
     def ask(typing: Any, array: types.Type, offset: types.Type) -> Any:
         def code(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[Any]) -> Any:

@@ -38,7 +38,7 @@ LN_2 = np.float32(log(2))
 
 @njit(**INLINED, **BORROWING)
 def sum_lanes(vectors, target, at):
-    """The lane sums of the sixteen vectors of an array, written to another."""
+    """Write the lane sums of the sixteen vectors of an array to another."""
     load = simd.load
     first = (load(vectors, 0), load(vectors, 16), load(vectors, 32), load(vectors, 48))
     second = (load(vectors, 64), load(vectors, 80), load(vectors, 96), load(vectors, 112))
@@ -70,7 +70,7 @@ def read_gradients(members, moments, to_found, gradients, to_moments):
 
 @njit(**UNWRAPPED, **BORROWING)
 def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
-    """Derivative of the loss by each weight."""
+    """Write the derivative of the loss by each weight."""
     places, distance = hits.places, hits.distance
     to_weight, to_way = simd.load(to_moments, 0), simd.load(to_moments, LANES)
     for row in range(rows):
@@ -84,7 +84,9 @@ def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
 
 @njit(error_model="numpy", **UNWRAPPED, **BORROWING)
 def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
-    """Derivative by each alpha, along each ray from its end: what it adds, less what it takes from behind."""
+    """Write the derivative by each alpha, along each ray from its end: what it adds, less what it
+    takes from behind.
+    """
     places, _, _, alpha, before, sequence, counts = hits
     for at in range(rows * LANES):
         to_alpha[at] = 0

@@ -42,7 +42,7 @@ class Beam(NamedTuple):
 
 @njit(**UNWRAPPED, **BORROWING)
 def main_axis(rays, first, past):
-    """The axis along which some rays of a packet advance the most, and its sign."""
+    """Return the axis along which some rays of a packet advance the most, and its sign."""
     axis, most = 0, np.float32(0)
     for k in range(3):
         total = np.float32(0)
@@ -68,7 +68,9 @@ def lines(rays, first, past, axis, sign, start, other):
 
 @njit(**UNWRAPPED, **BORROWING)
 def beam_of(rays, first, past):
-    """The beam of some rays of a packet, and whether they all advance along one axis as a beam must."""
+    """Return the beam of some rays of a packet, and whether they all advance along one axis as a
+    beam must.
+    """
     axis, sign = main_axis(rays, first, past)
     start, slowest = np.float32(np.inf), np.float32(np.inf)
     for lane in range(first, past):
@@ -154,7 +156,7 @@ def leaves_touched(boxes, levels, beam, found, spare):
 
 @njit(error_model="numpy", **INLINED, **BORROWING)
 def bucket_of(distance, end):
-    """The step of distance, of those from the start to ``end``."""
+    """Return the step of distance, of those from the start to ``end``."""
     return int(min(max(distance, 0.0) * (BUCKETS / max(end, SHORTEST)), BUCKETS - 1.0))
 
 

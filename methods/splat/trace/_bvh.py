@@ -70,7 +70,7 @@ class Bvh:
 
 
 def bvh_of(surfels: Surfels) -> Bvh:
-    """Result that :func:`graycard.methods.splat.build_bvh` gives."""
+    """Return result that :func:`graycard.methods.splat.build_bvh` gives."""
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
     geometry = _geometry(surfels)
@@ -89,7 +89,7 @@ def bvh_of(surfels: Surfels) -> Bvh:
 
 
 def _geometry(surfels: Surfels) -> Geometry:
-    """The numbers of the surfels, copied where they are not float64 already."""
+    """Return the numbers of the surfels, copied where they are not float64 already."""
     parts = (surfels.centres, surfels.rotations, surfels.scales, surfels.opacities)
     return Geometry(*(np.array(part.detach().numpy(), np.float64) for part in parts))
 
@@ -114,7 +114,7 @@ def _levels(count: int) -> np.ndarray:
 
 
 def _extent(boxes: np.ndarray, levels: np.ndarray) -> tuple[np.ndarray, float]:
-    """The box around everything, and the size of a leaf."""
+    """Return the box around everything, and the size of a leaf."""
     groups = boxes.reshape(-1, BOX, LANES)
     low, high = groups[-1, :3].min(axis=1), groups[-1, 3:].max(axis=1)
     past = levels[2] if len(levels) > 2 else len(groups)

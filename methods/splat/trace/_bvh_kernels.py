@@ -119,7 +119,9 @@ def prepare(*given):
 
 @njit(cache=True)
 def sort_keys(keys):
-    """Indices of keys of ``3 * AXIS_BITS`` bits in ascending order, equals as they came (radix sort)."""
+    """Return indices of keys of ``3 * AXIS_BITS`` bits in ascending order, equals as they came
+    (radix sort).
+    """
     order, other = np.arange(keys.size, dtype=np.int32), np.empty(keys.size, np.int32)
     for shift in range(0, 3 * AXIS_BITS, DIGIT_BITS):
         start = np.zeros(DIGITS + 1, np.int64)
@@ -230,7 +232,7 @@ def add_parts(sums, at, total):
 
 @njit(**UNWRAPPED)
 def surfel_gradient(geometry, n, total, to):
-    """The chain rule through ``prepare`` for one surfel."""
+    """Apply the chain rule through ``prepare`` for one surfel."""
     _, rotations, scales, opacities = geometry
     axes = rotation(rotations, n)
     over = (UNIT / scales[n, 0], UNIT / scales[n, 1], 1.0)

@@ -130,5 +130,5 @@ def _stride(channels: int) -> int:
 
 
 def _parts(floats: int) -> int:
-    """Copies of the sums: ``PARTS`` as long as they fit."""
+    """Return copies of the sums: ``PARTS`` as long as they fit."""
     return max(1, min(PARTS, SUMS_BYTES // (4 * floats)))

@@ -24,7 +24,7 @@ CAPACITY = 256
 
 @njit(cache=True)
 def packets_of(count, width):
-    """Number of packets; ``width`` is zero where the rays are no image."""
+    """Return number of packets; ``width`` is zero where the rays are no image."""
     if width == 0:
         return (count + LANES - 1) // LANES
     return ((width + BLOCK - 1) // BLOCK) * ((count // width + BLOCK - 1) // BLOCK)
@@ -102,7 +102,7 @@ def scattered(values, members, out, channel):
 
 @njit(**UNWRAPPED, **BORROWING)
 def sum_moments(hits, rows, moments):
-    """Sums of w and of w t of a packet."""
+    """Write the sums of w and of w t of a packet."""
     _, _, distance, alpha, before, _, _ = hits
     weight, way = simd.broadcast(0.0), simd.broadcast(0.0)
     for row in range(rows):

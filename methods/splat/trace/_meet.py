@@ -21,7 +21,7 @@ MISSED = np.float32(1e30)
 
 @njit(**INLINED, **BORROWING)
 def one_record(records, place):
-    """The numbers of the surfel in one place, each in all lanes."""
+    """Return the numbers of the surfel in one place, each in all lanes."""
     at = place // LANES * (RECORD * LANES) + place % LANES
     ld = simd.load_scalar
     u = (ld(records, at), ld(records, at + 16), ld(records, at + 32))
@@ -33,7 +33,7 @@ def one_record(records, place):
 
 @njit(**INLINED, **BORROWING)
 def leaf_records(records, leaf):
-    """The numbers of a leaf's surfels, one a lane."""
+    """Return the numbers of a leaf's surfels, one a lane."""
     at, ld = leaf * (RECORD * LANES), simd.load
     u = (ld(records, at), ld(records, at + 16), ld(records, at + 32))
     v = (ld(records, at + 48), ld(records, at + 64), ld(records, at + 80))
@@ -87,7 +87,7 @@ def meet(record, ray):
 
 @njit(**INLINED, **BORROWING)
 def exponents(record, near, t, u, v):
-    """The exponent of each hit, ``MISSED`` where too near, and the last one at which a hit counts."""
+    """Return the exponent of each hit, ``MISSED`` where too near, and the last one at which a hit counts."""
     exponent = simd.where_at_least(t, near, simd.fma(u, u, v * v), simd.broadcast(MISSED))
     return exponent, record[4] - simd.broadcast(LOG_ALPHA_MIN)
 

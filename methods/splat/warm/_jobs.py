@@ -53,7 +53,7 @@ def _draw(channels: int, shaped: bool) -> None:
 
 
 def _draw_solids(channels: int) -> None:
-    """The same with no ellipsoids."""
+    """Compile the same with no ellipsoids."""
     geometry = torch.empty(0, 3), torch.empty(0, 4), torch.empty(0, 3), torch.empty(0)
     rasterize_gaussians(Gaussians(*geometry, torch.empty(0, channels)), _camera())
 

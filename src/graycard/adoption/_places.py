@@ -34,7 +34,7 @@ class Place:
 
 
 def places_of(views: Sequence[View]) -> list[Place]:
-    """Number the views, which are in the order that other code has them."""
+    """Return number the views, which are in the order that other code has them."""
     counts = {split: sum(v.split == split for v in views) for split in ("train", "test")}
     seen = dict.fromkeys(counts, 0)
     found = []

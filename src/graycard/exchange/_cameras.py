@@ -97,7 +97,7 @@ def make_camera(
     pose: np.ndarray,
     where: str,
 ) -> Camera:
-    """A camera from numbers that were read.
+    """Return a camera from numbers that were read.
 
     Args:
         size: Width and height, pixels.
@@ -123,7 +123,7 @@ def make_camera(
 
 
 def view_name(image: str) -> str:
-    """The name of a view from the path of its image: ``images/a/b.png`` becomes ``a_b``."""
+    """Return the name of a view from the path of its image: ``images/a/b.png`` becomes ``a_b``."""
     path = PurePosixPath(image.replace("\\", "/"))
     path = path.with_suffix("") if path.suffix.lower() in SUFFIXES else path
     parts = [p for p in path.parts if p not in ("/", ".", "..")]
@@ -194,7 +194,10 @@ def check_names(names: Iterable[str], where: Path) -> None:
 
 
 def _rigid(pose: np.ndarray) -> np.ndarray:
-    """The pose with the nearest rotation (polar decomposition), if it is near to one; else unchanged."""
+    """Return the pose with the nearest rotation (polar decomposition), if it is near to one.
+
+    Else unchanged.
+    """
     left, scales, right = np.linalg.svd(pose[:3, :3])
     if np.abs(scales - 1).max() > LOOSE:
         return pose

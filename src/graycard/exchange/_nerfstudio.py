@@ -212,7 +212,7 @@ def _number(entry: Mapping[str, Any], name: str, where: str) -> float:
 
 
 def read_nerfstudio_points(folder: Path) -> Points | None:
-    """The points that ``transforms.json`` names, without tracks; None if it names none.
+    """Return the points that ``transforms.json`` names, without tracks; None if it names none.
 
     Raises:
         DatasetError: Their file is missing or broken.

@@ -83,7 +83,9 @@ def _kernel_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
 
 
 def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
-    """An open and locked descriptor of the file that bears the name now, not of one removed meanwhile."""
+    """Return an open and locked descriptor of the file that bears the name now, not of one removed
+    meanwhile.
+    """
     waited = False
     while True:
         descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o666)

@@ -45,7 +45,7 @@ def write_manifest(folder: Path, manifest: Manifest) -> Manifest:
 
 
 def read_manifest(folder: Path, kind: str) -> Manifest:
-    """The manifest of a folder; its files are not yet checked.
+    """Return the manifest of a folder; its files are not yet checked.
 
     Raises:
         DatasetError: There is none, it is of another kind, or of a newer format version.

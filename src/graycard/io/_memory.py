@@ -42,7 +42,7 @@ def blocks(count: int) -> Iterator[slice]:
 
 
 def peak_memory_mib(pid: int | None = None) -> float:
-    """The most memory that a process has held, MiB.
+    """Return the most memory that a process has held, MiB.
 
     On Linux from the kernel's high-water mark: what ``getrusage`` says is inherited from the parent.
 

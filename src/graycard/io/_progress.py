@@ -19,4 +19,4 @@ class Progress(Protocol):
 
 
 def silent(done: float, doing: str) -> None:
-    """A progress that nobody sees."""
+    """Report progress to nobody."""

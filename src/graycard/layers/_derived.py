@@ -12,7 +12,7 @@ GLOSSY_ROUGHNESS = 0.5
 
 
 def with_derived(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The true layers of a view, with the sums of light and with ``glossy``.
+    """Return the true layers of a view, with the sums of light and with ``glossy``.
 
     ``glossy`` needs ``object_id``, ``roughness`` and ``f0`` of one height and width; it is left out without
     them, and stays where it is there already. See :func:`with_sums` for the sums.

@@ -115,7 +115,7 @@ def all_layers() -> tuple[Layer, ...]:
 
 
 def find_layer(name: str) -> Layer:
-    """The layer of a name, as in ``"base_color"``, ``"visibility.lamp"`` or ``"radiance.var"``.
+    """Return the layer of a name, as in ``"base_color"``, ``"visibility.lamp"`` or ``"radiance.var"``.
 
     ``<layer>.var`` is the variance of the mean, in the unit of the layer squared; ``<layer>.half_a`` and
     ``<layer>.half_b`` are the means of two independent halves of its samples, whose product with a
@@ -137,7 +137,7 @@ def find_layer(name: str) -> Layer:
 
 
 def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
-    """The shape of a layer's array: ``(height, width, 3)``, or ``(height, width)`` for one channel."""
+    """Return the shape of a layer's array: ``(height, width, 3)``, or ``(height, width)`` for one channel."""
     channels = len(find_layer(name).channels)
     return (height, width) if channels == 1 else (height, width, channels)
 

@@ -126,7 +126,7 @@ class Comparison:
     format_version: int = COMPARISON_VERSION
 
     def find(self, track: str, metric: str) -> MetricComparison:
-        """The methods by a metric on a track.
+        """Return the methods by a metric on a track.
 
         Raises:
             RecordError: The run has no such scores.
@@ -138,7 +138,7 @@ class Comparison:
 
 
 def read_comparison(run: Path) -> Comparison | None:
-    """The comparison in a run folder; None where an older graycard wrote none.
+    """Return the comparison in a run folder; None where an older graycard wrote none.
 
     Raises:
         OlderRecordError: It is of an older version of the format.

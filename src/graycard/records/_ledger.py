@@ -201,7 +201,7 @@ def read_ledger(run: Path) -> Ledger | None:
 
 
 def find_claim(ledger: Ledger, claim: str) -> ClaimResult:
-    """The result of a claim by its id.
+    """Return the result of a claim by its id.
 
     Raises:
         RecordError: The ledger has none of this id.

@@ -40,7 +40,7 @@ class PhotographSheet:
 
 
 def read_photograph_sheet(path: Path) -> PhotographSheet:
-    """The scores in a file that ``graycard score --json`` wrote for an imported capture.
+    """Return the scores in a file that ``graycard score --json`` wrote for an imported capture.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, of another kind, or of a newer format.

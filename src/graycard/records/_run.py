@@ -101,7 +101,7 @@ class ScoreSheet:
         object.__setattr__(self, "by_metric", found)
 
     def score(self, metric: str) -> Score:
-        """The score of a metric.
+        """Return the score of a metric.
 
         Raises:
             RecordError: The sheet has none.
@@ -314,7 +314,7 @@ def is_published(folder: Path) -> bool:
 
 
 def read_score_sheet(path: Path) -> ScoreSheet:
-    """The scores in a file that ``graycard score --json`` wrote.
+    """Return the scores in a file that ``graycard score --json`` wrote.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, or of a newer format.
@@ -323,7 +323,7 @@ def read_score_sheet(path: Path) -> ScoreSheet:
 
 
 def read_run(run: Path) -> RunRecord:
-    """The record of a run folder.
+    """Return the record of a run folder.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, or of a newer format.
@@ -349,7 +349,7 @@ def _uncollected() -> Iterator[None]:
 
 
 def read_record(cls: type[Any], path: Path, kind: str, newest: int = RECORD_VERSION) -> Any:
-    """A record of some format from a file.
+    """Return a record of some format from a file.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, of another format, or of a version above ``newest``.

@@ -12,7 +12,7 @@ Profile = list[tuple[float, float]]
 
 
 def vase(rng: np.random.Generator, height: float, width: float) -> Mesh:
-    """A hollow vase with a random belly and neck; ``width`` bounds its largest diameter."""
+    """Return a hollow vase with a random belly and neck; ``width`` bounds its largest diameter."""
     share = np.array([0.55, rng.uniform(0.9, 1.35), rng.uniform(0.6, 1.3), rng.uniform(0.1, 0.5), 0.55])
     share = np.append(share, rng.uniform(0.4, 0.75))
     t = np.linspace(0, 1, 28)
@@ -26,7 +26,7 @@ def vase(rng: np.random.Generator, height: float, width: float) -> Mesh:
 
 
 def bottle(height: float, radius: float) -> Mesh:
-    """A stoppered bottle with a shoulder."""
+    """Return a stoppered bottle with a shoulder."""
     neck = 0.36 * radius
     profile = [(0, 0), (radius, 0), (radius, 0.56 * height), (0.86 * radius, 0.66 * height)]
     profile += [(neck, 0.76 * height), (neck, 0.94 * height), (1.25 * neck, 0.94 * height)]
@@ -34,14 +34,14 @@ def bottle(height: float, radius: float) -> Mesh:
 
 
 def jar(height: float, radius: float) -> Mesh:
-    """A straight jar with a lid."""
+    """Return a straight jar with a lid."""
     profile = [(0, 0), (radius, 0), (radius, 0.8 * height), (0.9 * radius, 0.82 * height)]
     profile += [(1.04 * radius, 0.84 * height), (1.04 * radius, height), (0, height)]
     return lathe(_bevelled(profile, 0.06 * radius), 40)
 
 
 def barrel(height: float, radius: float) -> Mesh:
-    """A steel drum with two raised rings."""
+    """Return a steel drum with two raised rings."""
     ring, rib = 0.035 * height, 1.05 * radius
     profile: Profile = [(0, 0), (radius, 0)]
     for middle in (0.33, 0.66):
@@ -52,7 +52,7 @@ def barrel(height: float, radius: float) -> Mesh:
 
 
 def bowl(radius: float) -> Mesh:
-    """An open bowl."""
+    """Return an open bowl."""
     angle = np.linspace(0.12 * np.pi, 0.5 * np.pi, 20)
     outside = [(radius * np.sin(a), 0.75 * radius * (1 - np.cos(a))) for a in angle]
     inside = [(0.92 * r, 0.92 * z + 0.06 * radius) for r, z in reversed(outside)]
@@ -62,12 +62,12 @@ def bowl(radius: float) -> Mesh:
 
 
 def crate(width: float, depth: float, height: float, bevel: float = 0.012) -> Mesh:
-    """A box on the floor."""
+    """Return a box on the floor."""
     return box((width, depth, height), bevel).moved((0, 0, height / 2))
 
 
 def books(rng: np.random.Generator, count: int, width: float) -> Mesh:
-    """A pile of books, each turned a little."""
+    """Return a pile of books, each turned a little."""
     parts, z = [], 0.0
     for _ in range(count):
         thick, size = rng.uniform(0.1, 0.2) * width, width * rng.uniform(0.8, 1.0)
@@ -78,7 +78,7 @@ def books(rng: np.random.Generator, count: int, width: float) -> Mesh:
 
 
 def shelf(length: float, depth: float, heights: tuple[float, ...], board: float = 0.03) -> Mesh:
-    """A rack along x: boards whose upper sides lie at ``heights``, between four posts."""
+    """Return a rack along x: boards whose upper sides lie at ``heights``, between four posts."""
     parts = [box((length, depth, board), 0.004).moved((0, 0, z - board / 2)) for z in heights]
     top = heights[-1] + 0.12
     for x in (-1, 1):
@@ -89,14 +89,14 @@ def shelf(length: float, depth: float, heights: tuple[float, ...], board: float 
 
 
 def pipe(length: float, radius: float) -> Mesh:
-    """A round pipe from the origin along +x."""
+    """Return a round pipe from the origin along +x."""
     upright = lathe(_bevelled([(0, 0), (radius, 0), (radius, length), (0, length)], 0.01), 24)
     axes = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     return replace(upright, vertices=upright.vertices @ axes.T, normals=upright.normals @ axes.T)
 
 
 def stool(height: float, radius: float) -> Mesh:
-    """A round seat on three splayed legs."""
+    """Return a round seat on three splayed legs."""
     seat = lathe(_bevelled([(0, 0), (radius, 0), (radius, 0.05), (0, 0.05)], 0.01)).moved(
         (0, 0, height - 0.05)
     )
@@ -108,7 +108,7 @@ def stool(height: float, radius: float) -> Mesh:
 
 
 def _bezier(control: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """A Bézier curve by de Casteljau's scheme: smooth, and never outside its control values."""
+    """Return a Bézier curve by de Casteljau's scheme: smooth, and never outside its control values."""
     values = [np.full_like(t, c) for c in control]
     while len(values) > 1:
         values = [a * (1 - t) + b * t for a, b in pairwise(values)]
@@ -116,7 +116,9 @@ def _bezier(control: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _bevelled(profile: Profile, width: float) -> Profile:
-    """A profile whose corners are cut by ``width``, so that area-weighted normals leave its sides flat."""
+    """Return a profile whose corners are cut by ``width``, so that area-weighted normals leave its sides
+    flat.
+    """
     points = np.array(profile, dtype=np.float64)
     kept = [points[0]]
     for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
@@ -128,5 +130,5 @@ def _bevelled(profile: Profile, width: float) -> Profile:
 
 
 def turned(profile: Profile, bevel: float, segments: int = 40) -> Mesh:
-    """A body turned about z, its corners cut by ``bevel``; the profile starts and ends on the axis."""
+    """Return a body turned about z, its corners cut by ``bevel``; the profile starts and ends on the axis."""
     return lathe(_bevelled(profile, bevel), segments)

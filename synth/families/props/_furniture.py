@@ -8,17 +8,17 @@ from graycard.synth.families.props._everyday import Profile, crate, turned
 
 
 def cylinder(height: float, radius: float) -> Mesh:
-    """An upright round body with bevelled rims."""
+    """Return an upright round body with bevelled rims."""
     return turned([(0, 0), (radius, 0), (radius, height), (0, height)], min(0.1 * radius, 0.01), 32)
 
 
 def block(size: tuple[float, float, float], center: tuple[float, float, float], bevel: float = 0.005) -> Mesh:
-    """A box of these edge lengths around a centre."""
+    """Return a box of these edge lengths around a centre."""
     return box(size, bevel).moved(center)
 
 
 def table(width: float, depth: float, height: float) -> Mesh:
-    """A top with an apron on four legs."""
+    """Return a top with an apron on four legs."""
     x, y = width / 2 - 0.06, depth / 2 - 0.06
     legs = [
         block((0.06, 0.06, height - 0.03), (a * x, b * y, (height - 0.03) / 2))
@@ -30,7 +30,7 @@ def table(width: float, depth: float, height: float) -> Mesh:
 
 
 def cabinet(width: float, depth: float, height: float, doors: int) -> Mesh:
-    """A cupboard on a recessed plinth with doors in its front, each with a bar for a handle."""
+    """Return a cupboard on a recessed plinth with doors in its front, each with a bar for a handle."""
     body = block((width, depth - 0.02, height - 0.08), (0, 0.01, 0.08 + (height - 0.08) / 2))
     parts = [body, block((width - 0.06, depth - 0.1, 0.1), (0, 0.03, 0.05))]
     share, front = width / doors, -depth / 2 + 0.01
@@ -43,7 +43,7 @@ def cabinet(width: float, depth: float, height: float, doors: int) -> Mesh:
 
 
 def chair(seat: float = 0.46) -> Mesh:
-    """A plain chair; its back is at +y."""
+    """Return a plain chair; its back is at +y."""
     legs = [block((0.035, 0.035, seat), (0.18 * a, 0.18 * b, seat / 2)) for a in (-1, 1) for b in (-1, 1)]
     posts = [block((0.035, 0.03, 0.45), (0.18 * a, 0.185, seat + 0.22)) for a in (-1, 1)]
     slats = [block((0.36, 0.02, 0.09), (0, 0.185, seat + z)) for z in (0.2, 0.38)]
@@ -51,7 +51,7 @@ def chair(seat: float = 0.46) -> Mesh:
 
 
 def ladder(height: float, reach: float) -> Mesh:
-    """A ladder of length ``height`` that leans towards +y: feet at y = 0, top ``reach`` further."""
+    """Return a ladder of length ``height`` that leans towards +y: feet at y = 0, top ``reach`` further."""
     rails = [block((0.035, 0.07, height), (0.2 * a, 0, height / 2)) for a in (-1, 1)]
     steps = np.arange(0.28, height - 0.1, 0.29)
     rungs = [block((0.38, 0.05, 0.028), (0, 0, z)) for z in steps]
@@ -59,7 +59,7 @@ def ladder(height: float, reach: float) -> Mesh:
 
 
 def monitor(width: float) -> Mesh:
-    """A flat display on a foot; its screen lies 0.021 m in front of the origin."""
+    """Return a flat display on a foot; its screen lies 0.021 m in front of the origin."""
     height = 0.6 * width
     parts = [
         block((width, 0.04, height), (0, 0, 0.14 + height / 2)),
@@ -69,7 +69,7 @@ def monitor(width: float) -> Mesh:
 
 
 def fume_hood(width: float, depth: float, height: float) -> Mesh:
-    """A chamber that is open in front under a raised sash."""
+    """Return a chamber that is open in front under a raised sash."""
     side, z = 0.05, height / 2
     parts = [block((side, depth, height), (a * (width - side) / 2, 0, z)) for a in (-1, 1)]
     parts += [block((width - 2 * side, 0.03, height), (0, depth / 2 - 0.015, z))]
@@ -82,7 +82,7 @@ def fume_hood(width: float, depth: float, height: float) -> Mesh:
 
 
 def gas_cylinder(height: float, radius: float) -> Mesh:
-    """A tall bottle for gas with a domed shoulder and a valve."""
+    """Return a tall bottle for gas with a domed shoulder and a valve."""
     angle = np.linspace(0, 0.42 * np.pi, 7)
     shoulder = 0.82 * height
     dome: Profile = [(radius * float(np.cos(a)), shoulder + 0.7 * radius * float(np.sin(a))) for a in angle]
@@ -92,7 +92,7 @@ def gas_cylinder(height: float, radius: float) -> Mesh:
 
 
 def flask(height: float, radius: float) -> Mesh:
-    """A conical flask with a stopper."""
+    """Return a conical flask with a stopper."""
     neck = 0.3 * radius
     body: Profile = [
         (0, 0),
@@ -115,7 +115,7 @@ def tube_rack(width: float, count: int = 6) -> Mesh:
 
 
 def microscope(height: float) -> Mesh:
-    """A foot, a stage, a curved arm and an inclined tube."""
+    """Return a foot, a stage, a curved arm and an inclined tube."""
     h = height
     parts = [
         crate(0.42 * h, 0.55 * h, 0.1 * h, 0.01),
@@ -128,7 +128,7 @@ def microscope(height: float) -> Mesh:
 
 
 def toolbox(width: float) -> Mesh:
-    """A box with a lid and a bar to carry it by."""
+    """Return a box with a lid and a bar to carry it by."""
     depth, height = 0.5 * width, 0.42 * width
     parts = [
         crate(width, depth, 0.7 * height),
@@ -139,7 +139,7 @@ def toolbox(width: float) -> Mesh:
 
 
 def tray(width: float, depth: float, height: float) -> Mesh:
-    """A bin without a lid."""
+    """Return a bin without a lid."""
     wall, z = 0.012, height / 2
     sides = [block((wall, depth, height), (a * (width - wall) / 2, 0, z), 0.003) for a in (-1, 1)]
     ends = [block((width - 2 * wall, wall, height), (0, b * (depth - wall) / 2, z), 0.003) for b in (-1, 1)]
@@ -147,26 +147,26 @@ def tray(width: float, depth: float, height: float) -> Mesh:
 
 
 def hammer(length: float) -> Mesh:
-    """A hammer that hangs upright against a wall behind it at y = 0.02."""
+    """Return a hammer that hangs upright against a wall behind it at y = 0.02."""
     return merge(
         [block((0.028, 0.028, length), (0, 0, length / 2)), block((0.13, 0.036, 0.04), (0, 0, length))]
     )
 
 
 def spanner(length: float) -> Mesh:
-    """A double-ended spanner that hangs upright."""
+    """Return a double-ended spanner that hangs upright."""
     ends = [block((0.055, 0.014, 0.06), (0, 0, z)) for z in (0.03, length - 0.03)]
     return merge([block((0.022, 0.012, length - 0.08), (0, 0, length / 2)), *ends])
 
 
 def saw(length: float) -> Mesh:
-    """A saw that hangs upright, its handle at the top."""
+    """Return a saw that hangs upright, its handle at the top."""
     blade = block((0.09, 0.006, 0.75 * length), (0, 0, 0.375 * length), 0.002)
     return merge([blade, block((0.11, 0.026, 0.25 * length), (0, 0, 0.87 * length), 0.012)])
 
 
 def hose(points: np.ndarray, radius: float, sides: int = 14) -> Mesh:
-    """A cable or pipe along a smooth curve; its ends are open and belong inside something.
+    """Return a cable or pipe along a smooth curve; its ends are open and belong inside something.
 
     Args:
         points: Places along the curve, shape ``(N, 3)``, N >= 2, metres.
@@ -188,7 +188,7 @@ def hose(points: np.ndarray, radius: float, sides: int = 14) -> Mesh:
 
 
 def sagging(start: tuple[float, float, float], end: tuple[float, float, float], sag: float) -> np.ndarray:
-    """A curve ``(24, 3)`` between two points, ``sag`` metres below their chord in the middle."""
+    """Return a curve ``(24, 3)`` between two points, ``sag`` metres below their chord in the middle."""
     t = np.linspace(0, 1, 24)[:, None]
     chord = np.array(start) * (1 - t) + np.array(end) * t
     return chord - 4 * sag * t * (1 - t) * np.array([0, 0, 1])

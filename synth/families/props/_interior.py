@@ -13,7 +13,7 @@ _PAPER = (0.72, 0.70, 0.64)
 
 
 def concrete(rng: np.random.Generator, color: Vector) -> np.ndarray:
-    """A cast floor: broad stains, pores, and a joint along two sides."""
+    """Return a cast floor: broad stains, pores, and a joint along two sides."""
     v, u = _grid()
     stains = 0.16 * fractal_noise(rng, slope=1.7) + 0.05 * fractal_noise(rng, slope=0.3)
     image = painted(color, 1 + stains)
@@ -51,7 +51,7 @@ def pegboard(rng: np.random.Generator, color: Vector, holes: int = 16) -> np.nda
 
 
 def poster(rng: np.random.Generator, accent: Vector, second: Vector) -> np.ndarray:
-    """A printed sheet: a heading, a chart of bars or of rings, and paragraphs of text."""
+    """Return a printed sheet: a heading, a chart of bars or of rings, and paragraphs of text."""
     v, u = _grid()
     image = np.broadcast_to(np.array(_PAPER), (SIZE, SIZE, 3)).copy()
     image[v < 0.17] = accent
@@ -65,7 +65,7 @@ def poster(rng: np.random.Generator, accent: Vector, second: Vector) -> np.ndarr
 
 
 def instrument_panel(rng: np.random.Generator, color: Vector, lamp: Vector) -> np.ndarray:
-    """The front of an apparatus: a dark display with a trace, a row of dials, and coloured buttons."""
+    """Return the front of an apparatus: a dark display with a trace, a row of dials, and coloured buttons."""
     v, u = _grid()
     image = painted(color, 1 + 0.05 * fractal_noise(rng, slope=1.2))
     display = (np.abs(u - 0.32) < 0.24) & (np.abs(v - 0.34) < 0.22)
@@ -106,7 +106,7 @@ def _draw_figure(rng: np.random.Generator, image: np.ndarray, accent: Vector, se
 
 
 def _grid() -> tuple[np.ndarray, np.ndarray]:
-    """The places ``v, u`` of the pixel centres: from 0 at the top row and at the left column."""
+    """Return the places ``v, u`` of the pixel centres: from 0 at the top row and at the left column."""
     middle = (np.arange(SIZE) + 0.5) / SIZE
     v, u = np.meshgrid(middle, middle, indexing="ij")
     return v, u

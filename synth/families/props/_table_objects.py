@@ -34,7 +34,7 @@ class Piece:
 
 
 def target_of(seed: int, size: float) -> Piece:
-    """The object that is to be removed: the tallest on the table, one of four kinds.
+    """Return the object that is to be removed: the tallest on the table, one of four kinds.
 
     Args:
         seed: Of the scene.
@@ -181,5 +181,5 @@ def _shade(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def _grounded(shape: Mesh) -> Mesh:
-    """A shape lifted so that its lowest point lies 1 mm below z = 0: a point would not carry it."""
+    """Return a shape lifted so that its lowest point lies 1 mm below z = 0: a point would not carry it."""
     return shape.moved((0, 0, -0.001 - float(shape.vertices[:, 2].min())))

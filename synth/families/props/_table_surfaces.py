@@ -20,7 +20,7 @@ class Surface(Protocol):
     """A surface above the origin that objects can stand on."""
 
     def top(self) -> Mesh:
-        """The surface and the board that it belongs to; texture coordinates are metres."""
+        """Return the surface and the board that it belongs to; texture coordinates are metres."""
         ...
 
     def foot(self) -> Mesh:
@@ -28,7 +28,7 @@ class Surface(Protocol):
         ...
 
     def stand(self, shape: Mesh, x: float, y: float, turn: float) -> Mesh:
-        """A shape that stood on z = 0 at the origin, stood at a place of the surface.
+        """Return a shape that stood on z = 0 at the origin, stood at a place of the surface.
 
         Args:
             shape: As it was.
@@ -47,16 +47,16 @@ class Flat:
     width: float = 1.1
 
     def top(self) -> Mesh:
-        """A board 5 cm thick."""
+        """Return a board 5 cm thick."""
         return box((self.length, self.width, 0.05), 0.015).moved((0, 0, HEIGHT - 0.025))
 
     def foot(self) -> Mesh:
-        """A dark trestle, a little smaller than the top."""
+        """Return a dark trestle, a little smaller than the top."""
         height = HEIGHT - 0.05
         return box((self.length - 0.4, self.width - 0.4, height), 0.02).moved((0, 0, height / 2))
 
     def stand(self, shape: Mesh, x: float, y: float, turn: float) -> Mesh:
-        """The shape, upright."""
+        """Return the shape, upright."""
         return shape.moved((x, y, HEIGHT), turn)
 
 
@@ -70,7 +70,7 @@ class Dome:
     """From the axis to the edge, metres."""
 
     def top(self) -> Mesh:
-        """A board 5 cm thick at its edge, with the sphere's own normals."""
+        """Return a board 5 cm thick at its edge, with the sphere's own normals."""
         angle = np.linspace(np.arcsin(self.reach * self.curvature), 0, 49)
         sphere = 1 / self.curvature
         arc = [(float(sphere * np.sin(a)), self._fall(float(sphere * np.sin(a)))) for a in angle]
@@ -84,7 +84,7 @@ class Dome:
         return replace(board, vertices=board.vertices + np.array([0, 0, HEIGHT]), normals=normals, uv=uv)
 
     def foot(self) -> Mesh:
-        """A turned pedestal."""
+        """Return a turned pedestal."""
         top = HEIGHT + self._fall(self.reach) - 0.05
         t = np.linspace(0, 1, 24)
         waist = 0.12 + 0.24 * (2 * t - 1) ** 4
@@ -92,7 +92,9 @@ class Dome:
         return lathe([(0.0, 0.0), (side[0][0], 0.0), *side, (0.0, top)], 48)
 
     def stand(self, shape: Mesh, x: float, y: float, turn: float) -> Mesh:
-        """The shape with its axis along the normal, sunk until the rim of its sole touches the sphere."""
+        """Return the shape with its axis along the normal, sunk until the rim of its sole touches
+        the sphere.
+        """
         outward = np.array([x, y, 1 / self.curvature + self._fall(float(np.hypot(x, y)))]) * self.curvature
         low = shape.vertices[:, 2] < shape.vertices[:, 2].min() + _SOLE
         sole = float(np.linalg.norm(shape.vertices[low, :2], axis=1).max())
@@ -106,7 +108,7 @@ class Dome:
 
 
 def _from_z_to(direction: np.ndarray) -> np.ndarray:
-    """The smallest rotation that takes +z to a unit vector above the horizon, shape ``(3, 3)``."""
+    """Return the smallest rotation that takes +z to a unit vector above the horizon, shape ``(3, 3)``."""
     x, y, z = direction
     cross = np.array([[0, 0, x], [0, 0, y], [-x, -y, 0]])
     return np.eye(3) + cross + cross @ cross / (1 + z)  # Rodrigues' formula

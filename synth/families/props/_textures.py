@@ -40,7 +40,9 @@ def fractal_noise(
 
 
 def painted(base: Vector | np.ndarray, shade: np.ndarray) -> np.ndarray:
-    """A base colour (``(3,)`` or ``(H, W, 3)``) times a shade ``(H, W)``, within the reflectance range."""
+    """Return a base colour (``(3,)`` or ``(H, W, 3)``) times a shade ``(H, W)``, within the reflectance
+    range.
+    """
     return np.clip(np.asarray(base) * shade[..., None], DARKEST, BRIGHTEST)
 
 
@@ -93,7 +95,7 @@ def linen(rng: np.random.Generator, stripe: Vector, ground: Vector) -> np.ndarra
 
 
 def boards(rng: np.random.Generator, color: Vector, count: int = 6) -> np.ndarray:
-    """A floor of boards along u with dark joints, each board of its own tone."""
+    """Return a floor of boards along u with dark joints, each board of its own tone."""
     row = _rows() * count
     board = row.astype(int)
     column = (_columns() + rng.random(count)[board]) % 1
@@ -152,7 +154,7 @@ def cardboard(rng: np.random.Generator, color: Vector) -> np.ndarray:
 
 
 def chart(patches: Mapping[str, Vector], columns: int, cell: int = 32) -> np.ndarray:
-    """A colour chart: one square per patch, row by row from the top left, on a black board.
+    """Return a colour chart: one square per patch, row by row from the top left, on a black board.
 
     Args:
         patches: Linear reflectances by name.

@@ -10,7 +10,7 @@ from graycard.synth.families.props._everyday import Profile, turned
 
 
 def studded_brick(columns: int, rows: int, unit: float) -> Mesh:
-    """A building brick with ``columns`` x ``rows`` round studs, ``unit`` apart and 1.2 units high."""
+    """Return a building brick with ``columns`` x ``rows`` round studs, ``unit`` apart and 1.2 units high."""
     body = box((columns * unit, rows * unit, 1.2 * unit), 0.04 * unit).moved((0, 0, 0.6 * unit))
     peg: Profile = [(0, 0), (0.3, 0), (0.3, 0.17), (0.27, 0.2), (0, 0.2)]
     stud = turned([(unit * r, unit * z) for r, z in peg], 0.01 * unit, 20)
@@ -19,7 +19,7 @@ def studded_brick(columns: int, rows: int, unit: float) -> Mesh:
 
 
 def ring_tower(rng: np.random.Generator, rings: int, width: float) -> list[Mesh]:
-    """A child's tower: a foot, then rings that grow smaller, then a knob; one mesh for each."""
+    """Return a child's tower: a foot, then rings that grow smaller, then a knob; one mesh for each."""
     foot = turned([(0, 0), (0.5 * width, 0), (0.5 * width, 0.1 * width), (0, 0.1 * width)], 0.01 * width, 64)
     parts, z = [foot], 0.1 * width
     for radius in np.linspace(0.48, 0.24, rings) * width:
@@ -32,7 +32,8 @@ def ring_tower(rng: np.random.Generator, rings: int, width: float) -> list[Mesh]
 
 
 def leaf(length: float, width: float, rise: float, droop: float) -> Mesh:
-    """A leaf from the origin along +x that rises at first and droops at its tip; closed, so seen from below.
+    """Return a leaf from the origin along +x that rises at first and droops at its tip; closed, so seen from
+    below.
 
     Args:
         length: Metres.
@@ -52,7 +53,9 @@ def leaf(length: float, width: float, rise: float, droop: float) -> Mesh:
 
 
 def plant(rng: np.random.Generator, leaves: int, size: float) -> Mesh:
-    """A rosette of leaves, each turned by the golden angle from the last, older ones longer and lower."""
+    """Return a rosette of leaves, each turned by the golden angle from the last, older ones longer
+    and lower.
+    """
     parts = []
     for k in range(leaves):
         age = 1 - k / leaves
@@ -67,14 +70,14 @@ def plant(rng: np.random.Generator, leaves: int, size: float) -> Mesh:
 
 
 def flower_pot(height: float, radius: float) -> Mesh:
-    """A pot with a rim, filled with earth up to a little under it."""
+    """Return a pot with a rim, filled with earth up to a little under it."""
     outside = [(0.72, 0), (0.94, 0.76), (1.04, 0.77), (1.08, 1), (0.98, 1), (0.93, 0.86)]
     profile = [(0.0, 0.0), *((radius * r, height * z) for r, z in outside), (0.0, 0.86 * height)]
     return turned(profile, 0.02 * radius, 64)
 
 
 def helmet(radius: float) -> Mesh:
-    """A hollow dome with a brim and a comb, as a fire brigade's."""
+    """Return a hollow dome with a brim and a comb, as a fire brigade's."""
     angle = np.linspace(0.0, 0.5 * np.pi, 24)
     brim: Profile = [(1.38 * radius, 0.0), (1.4 * radius, 0.03 * radius), (1.02 * radius, 0.16 * radius)]
     dome = [(radius * np.cos(a), radius * (0.16 + 0.95 * np.sin(a))) for a in angle]
@@ -89,7 +92,7 @@ def helmet(radius: float) -> Mesh:
 
 
 def _comb(radius: float) -> Mesh:
-    """A ridge over the dome from the brow to the neck."""
+    """Return a ridge over the dome from the brow to the neck."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 17), np.linspace(0, 1, 33), indexing="ij")
     angle = np.pi * (0.12 + 0.76 * along)
     taper = (np.sin(np.pi * along) * (along < 1)) ** 0.6
