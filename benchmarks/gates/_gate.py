@@ -71,7 +71,7 @@ class Change:
 
     @property
     def place(self) -> str:
-        """Which score, in words."""
+        """Key of the score, in words."""
         e = self.expected
         return f"{e.track}/{e.scene} {e.method} {e.metric}"
 
@@ -125,7 +125,8 @@ class GateVerdict:
 
 
 def make_baseline(run: RunRecord, rows: Collection[str] = ()) -> Baseline:
-    """The scores of a run as a baseline, each with the tolerance of its metric times the slack of its method.
+    """Return the scores of a run as a baseline, each with the tolerance of its metric times the slack of its
+    method.
 
     Args:
         run: What was reached.
@@ -190,7 +191,7 @@ def write_baseline(path: Path, baseline: Baseline) -> None:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """A baseline from JSON.
+    """Return a baseline from JSON.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, of a newer version, or has a value that is none.

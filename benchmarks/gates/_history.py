@@ -35,13 +35,13 @@ class Mean:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What identifies the line that it is a point of."""
+        """Key of the line that it is a point of."""
         return self.track, self.row, self.metric
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What one commit reached."""
+    """Scores that one commit reached."""
 
     suite: Name
     suite_version: int
@@ -55,7 +55,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class GateHistory:
-    """What all commits reached, the first first: ``gate-history.json``."""
+    """Scores of all commits, the first first: ``gate-history.json``."""
 
     entries: tuple[Entry, ...] = ()
     format: Literal["graycard-gate-history"] = "graycard-gate-history"
