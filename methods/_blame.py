@@ -28,7 +28,7 @@ def blame(method: str) -> Iterator[None]:
         if isinstance(cause, GraycardError) and not isinstance(cause, OutputError):
             raise
         raise MethodError(
-            f"expected method {method!r} to fit, got {type(cause).__name__}: {words_of(cause)}"
+            f"method {method!r} failed with {type(cause).__name__}: {words_of(cause)}"
         ) from cause
 
 

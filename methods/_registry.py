@@ -114,8 +114,8 @@ def load_method(name: str) -> Method:
         if missing := missing_package(cause):
             raise missing from None
         raise MethodError(
-            f"expected method {name!r} ({point.value}, {origin(point)}) to import, got "
-            f"{type(cause).__name__}: {cause}. Mend it; other methods are not affected"
+            f"method {name!r} ({point.value}, {origin(point)}) cannot be imported: {type(cause).__name__}: "
+            f"{cause}. Mend it; other methods are not affected"
         ) from cause
     return _checked(name, method)
 
@@ -165,8 +165,8 @@ def fingerprint(name: str, *, with_priors: bool = False) -> str:
         code = code_hash(roots, _folders_of(point.module.partition(".")[0]))
     except PermissionError as cause:
         raise MethodError(
-            f"expected method {name!r} to import what a fit may read, got {cause.filename}. Import that in a "
-            "module that the method does not import"
+            f"method {name!r} imports {cause.filename}, which no fit may read. Import that in a module "
+            "that the method does not import"
         ) from None
     return f"{origin(point)} {code}"
 

@@ -183,7 +183,7 @@ class ConfinedMethod:
         except ChannelError as cause:
             words = words_of_end(self.process.end())
             raise MethodError(
-                f"expected method {self.label!r} to fit, got no answer: {cause}. {words}"
+                f"the process of method {self.label!r} ended without an answer: {cause}. {words}"
             ) from None
         return message
 
@@ -207,8 +207,8 @@ class ConfinedMethod:
         try:
             yield
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as cause:
-            what = f"expected the process of method {self.label!r} to answer what is asked"
-            raise MethodError(f"{what}, got {type(cause).__name__}: {cause}") from None
+            what = f"the answer of method {self.label!r} cannot be read"
+            raise MethodError(f"{what}: {type(cause).__name__}: {cause}") from None
 
     def _kernels(self) -> tuple[list[str], list[str], list[str]]:
         """Return the parts of the engine that the method uses, jobs that are missing, and folders in use."""

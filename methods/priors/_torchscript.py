@@ -125,7 +125,7 @@ def _run(module: torch.nn.Module, *inputs: torch.Tensor) -> torch.Tensor:
         with torch.inference_mode():
             given = module(*inputs)
     except RuntimeError as cause:
-        raise MethodError(f"expected the network to run, got: {_first_line(cause)}") from cause
+        raise MethodError(f"the network failed: {_first_line(cause)}") from cause
     if not isinstance(given, torch.Tensor):
         raise MethodError(f"expected the network to give a tensor, got {type(given).__name__}")
     return given

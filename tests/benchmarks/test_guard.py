@@ -146,10 +146,10 @@ def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path
 @pytest.mark.parametrize(
     ("method", "words"),
     [
-        ("stranger_early:Method", "to import, got MethodError: expected a method to keep to its"),
+        ("stranger_early:Method", "cannot be imported: MethodError: the method tried to reach"),
         ("stranger:Needy", "truth is closed while a method runs"),
         ("stranger:Ends", "exit code 0"),
-        ("stranger:Nothing", "expected method 'stranger:Nothing' .* to import"),
+        ("stranger:Nothing", "method 'stranger:Nothing' .* cannot be imported"),
     ],
 )
 def test_a_fit_that_fails(scene: Path, tmp_path: Path, method: str, words: str):
@@ -180,9 +180,9 @@ def test_a_bench_does_not_import_methods_of_others(scene: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     ("method", "words"),
     [
-        (SuiteMethod("stranger_early:Method"), "got MethodError: expected a method to keep to its capture"),
+        (SuiteMethod("stranger_early:Method"), "MethodError: the method tried to reach .*: truth is closed"),
         (SuiteMethod("stranger:Method", {"reflektance": 1}), "did you mean 'reflectance'"),
-        (SuiteMethod("stranger:Nothing"), "expected method 'stranger:Nothing' .* to import"),
+        (SuiteMethod("stranger:Nothing"), "method 'stranger:Nothing' .* cannot be imported"),
     ],
 )
 def test_whom_a_bench_does_not_admit(scene: Path, tmp_path: Path, method: SuiteMethod, words: str):
@@ -208,7 +208,7 @@ def test_code_that_cannot_be_read_is_an_error_in_words(monkeypatch: pytest.Monke
         raise PermissionError(13, "Permission denied", "/closed/code.py")
 
     monkeypatch.setattr(_registry, "code_hash", refuse)
-    with pytest.raises(MethodError, match="to import what a fit may read, got /closed/code.py"):
+    with pytest.raises(MethodError, match="imports /closed/code.py, which no fit may read"):
         fingerprint("gray")
 
 
@@ -221,7 +221,7 @@ def test_settings_of_a_fit_by_hand_are_asked_apart(scene: Path):
     told = ask_apart("stranger:Method", scene, "graycard.cli._runs:told_settings", told=asked)
     assert told["exit"] == 2
     asked["method"] = "stranger_early:Method"
-    with pytest.raises(MethodError, match="to import, got MethodError: expected a method to keep to its"):
+    with pytest.raises(MethodError, match="cannot be imported: MethodError: the method tried to reach"):
         ask_apart("stranger_early:Method", scene, "graycard.cli._runs:told_settings", told=asked)
     assert "stranger" not in sys.modules
 
@@ -303,7 +303,7 @@ def test_a_method_that_cannot_do_without_fails_its_job(
     outcome = run_fit(
         FitJob(job, "hash", scene, tmp_path / "run" / "jobs" / "a", 1, tmp_path / "run" / "jobs")
     )
-    assert "expected a method to keep to its capture" in outcome.reason
+    assert "the method tried to reach" in outcome.reason
     assert "names it in `needs`" in outcome.reason
     assert not outcome.fatal
 
@@ -336,7 +336,7 @@ def test_where_the_copy_has_no_room(scene: Path, tmp_path: Path, monkeypatch: py
         raise OSError(28, "No space left on device", str(target))
 
     monkeypatch.setattr("graycard.benchmarks._handed.shutil.copytree", full)
-    with pytest.raises(OutputError, match="expected room to write"):
+    with pytest.raises(OutputError, match="the disk is full"):
         fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", silent)
 
 

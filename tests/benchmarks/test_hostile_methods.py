@@ -29,7 +29,7 @@ WORDS = {
     "memory": "MemoryError|exit code",
     "garbage": "expected a message",
     "half": "exit code 0",
-    "done": "to answer what is asked",
+    "done": "cannot be read",
     "infinity": "expected a finite number",
     "talk": "RuntimeError: bbb",
     "endless": "expected a finite number",

@@ -211,7 +211,7 @@ def test_what_cannot_be_read_is_a_fault_of_the_predictions(
 
 def test_a_full_disk_is_no_fault_of_the_predictions(place: Path, small_disk: Path):
     (write_given(place) / "lights.json").write_bytes(bytes(400_000))
-    with pytest.raises(OutputError, match="full disk"):
+    with pytest.raises(OutputError, match="disk is full"):
         take_predictions(given_at(place), small_disk / "predictions", JOB)
 
 

@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "b465ebf1ea0aab334fb10bae1b4f7f723bf93a65"
+SINCE = "b64f5abd836bec34387a6942d8164acab6e04303"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"

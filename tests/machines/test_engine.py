@@ -187,6 +187,6 @@ def test_a_scheduler_that_does_not_come_back_ends_the_run(monkeypatch: pytest.Mo
 
     heard: list[str] = []
     gone = Machines(ClusterSpec(address="tcp://h:1"), refuse, heard.append, 0.0, Gone())  # pyright: ignore
-    with pytest.raises(MachineError, match=r"to come back, got no answer in 0 s. Start it again"):
+    with pytest.raises(MachineError, match=r"has not answered for 0 s. Start it again"):
         gone.run_all(end, ["a"], 1, silent)
     assert heard == ["the scheduler at tcp://h:1 is gone; waiting for it to come back"]

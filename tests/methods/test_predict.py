@@ -106,7 +106,7 @@ def test_a_method_that_cannot_write_is_told_from_an_output_that_cannot_be_writte
     def raises(*arguments: object) -> None:
         raise OutputError("no room for a cache")
 
-    with pytest.raises(MethodError, match="method 'mine' to fit, got OutputError: no room for a cache"):
+    with pytest.raises(MethodError, match="method 'mine' failed with OutputError: no room for a cache"):
         write(make_scene(), tmp_path / "p", make(**{member: raises}))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):

@@ -61,9 +61,9 @@ def test_new_files_follow_the_umask(tmp_path: Path):
 
 def test_a_full_disk(small_disk: Path):
     noise = np.random.default_rng(0).random((256, 256, 3), np.float32)
-    with pytest.raises(OutputError, match=r"(?s)expected room.*Free some space.*goes on where it stopped"):
+    with pytest.raises(OutputError, match=r"(?s)was not written.*Free some space.*goes on where it stopped"):
         write_bytes(small_disk / "a.bin", noise.tobytes())
-    with pytest.raises(OutputError, match=r"(?s)expected room.*Free some space.*goes on where it stopped"):
+    with pytest.raises(OutputError, match=r"(?s)was not written.*Free some space.*goes on where it stopped"):
         write_rgb(small_disk / "a.exr", noise)
     assert list(small_disk.iterdir()) == []
 

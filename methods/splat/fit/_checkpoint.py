@@ -185,7 +185,7 @@ def _facts(metadata: Mapping[str, str] | None) -> dict[str, Any]:
 
 
 def _broken(path: Path, cause: Exception) -> MethodError:
-    return MethodError(f"expected a saved fit in {path}, got: {cause}. Delete it to begin anew")
+    return MethodError(f"the saved fit in {path} cannot be read: {cause}. Delete it to begin anew")
 
 
 def _of_another(path: Path) -> MethodError:

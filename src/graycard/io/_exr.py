@@ -222,9 +222,8 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, An
             OpenEXR.File(header, channels).write(str(partial))
         except RuntimeError as cause:
             raise OutputError(
-                f"expected room and permission to write {path}, got: {cause} ({free_mib(path):.1f} MiB "
-                "free). Free some space or choose another output folder; the same command then goes "
-                "on where it stopped"
+                f"{path} was not written: {cause} ({free_mib(path):.1f} MiB free). Free some space or choose "
+                "another output folder; the same command then goes on where it stopped"
             ) from cause
 
 

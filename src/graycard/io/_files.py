@@ -233,7 +233,7 @@ def output_error(path: Path, cause: OSError) -> OutputError:
     """Return advice for a write that failed."""
     if cause.errno in _OUT_OF_SPACE:
         return OutputError(
-            f"expected room to write {path}, got a full disk ({free_mib(path):.0f} MiB free). "
+            f"the disk is full ({free_mib(path):.0f} MiB free): {path} was not written. "
             "Free some space, or choose another output folder; the same command then goes on "
             "where it stopped"
         )

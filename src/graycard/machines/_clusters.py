@@ -74,7 +74,9 @@ def _started(spec: ClusterSpec, stack: ExitStack) -> Any:
     try:
         cluster = _local(spec) if spec.kind == "local" else _batch(spec)
     except (OSError, ValueError, TypeError, RuntimeError) as cause:
-        raise MachineError(f"expected a {spec.kind} cluster, got {type(cause).__name__}: {cause}") from cause
+        raise MachineError(
+            f"no {spec.kind} cluster could be started: {type(cause).__name__}: {cause}"
+        ) from cause
     stack.callback(cluster.close)
     return cluster
 

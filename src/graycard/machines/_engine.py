@@ -109,8 +109,8 @@ class Machines:
             except MachineError as cause:
                 if time.monotonic() > until:
                     raise MachineError(
-                        f"expected the scheduler at {self.spec.address} to come back, got no answer in "
-                        f"{self.patience_s:.0f} s. Start it again; the same command then goes on"
+                        f"the scheduler at {self.spec.address} has not answered for {self.patience_s:.0f} s. "
+                        "Start it again; the same command then goes on"
                     ) from cause
                 time.sleep(1.0)
 
@@ -259,8 +259,8 @@ class _Course:
         error = cast("BaseException", future.exception())  # a coroutine for asynchronous clients alone
         if not isinstance(error, KilledWorker):
             raise MachineError(
-                f"expected workers that can run graycard, got {type(error).__name__}: {error}. Install "
-                "graycard there as it is here"
+                f"a worker could not run graycard: {type(error).__name__}: {error}. Install graycard there "
+                "as it is here"
             ) from error
         self.losses[number] += 1
         if self.losses[number] < _MOST_LOSSES:

@@ -111,8 +111,8 @@ class Guard:
                 with contextlib.suppress(BlockingIOError):
                     os.write(self._notes, json.dumps(what).encode() + b"\n")
         raise MethodError(
-            f"expected a method to keep to its capture, got an attempt to reach {what}: truth is closed "
-            "while a method runs. A method that is to see some of it names it in `needs`"
+            f"the method tried to reach {what}: truth is closed while a method runs. A method that is to see "
+            "some of it names it in `needs`"
         )
 
 
