@@ -17,6 +17,8 @@ from graycard.exchange._photographs import write_png as write_png
 from graycard.exchange._plan import ImportOptions as ImportOptions
 from graycard.exchange._plan import ImportPlan as ImportPlan
 from graycard.exchange._plan import plan_import as plan_import
+from graycard.exchange.cards._survey import Publication as Publication
+from graycard.exchange.cards._write import write_cards as write_cards
 from graycard.exchange.pictures import Background as Background
 from graycard.exchange.pictures import MaskObject as MaskObject
 from graycard.exchange.pictures import Orientation as Orientation

@@ -24,11 +24,14 @@ from graycard.exchange import (
     MaskObject,
     Orientation,
     PictureOptions,
+    Publication,
 )
 from graycard.io import Progress
 
 SurfelFormat = Literal["ply", "2dgs", "splat"]
 """Formats of ``graycard.methods.trained``, which is too heavy for the help."""
+_TOLD = Publication()
+CardFormat = Literal["croissant"]
 SHEET = "contact-sheet.png"
 """Contact sheet of an imported scene, in its folder."""
 MODELS = "colmap"
@@ -37,15 +40,22 @@ MODELS = "colmap"
 
 @dataclass(frozen=True)
 class ExportCommand:
-    """Write a capture, without photographs of held-out views, or fitted surfels for another program."""
+    """Write a capture, without photographs of held-out views, or fitted surfels for another program; or
+    describe a dataset to those who look for one.
+    """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
-    """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""
-    format: ExchangeFormat | SurfelFormat
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED|DATASET")]
+    """DATASET/<track>/<scene>, or what `graycard fit --save` wrote; for croissant the whole DATASET."""
+    format: ExchangeFormat | SurfelFormat | CardFormat
     """For a scene: nerfstudio; COLMAP in text or binary; NeRF-synthetic (blender); or TensoIR, which holds
-    truth. Of surfels: ply for viewers of splats, 2dgs for code of 2D Gaussian Splatting, or splat."""
+    truth. Of surfels: ply for viewers of splats, 2dgs for code of 2D Gaussian Splatting, or splat.
+    Of a dataset: croissant, a manifest of MLCommons with a data card beside it."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
-    """Write to this folder, new or empty; surfels to this file."""
+    """Write to this folder, new or empty, for croissant the dataset itself; surfels to this file."""
+    license: str = _TOLD.license
+    """For croissant: licence of the data."""
+    url: str = _TOLD.url
+    """For croissant: address of the data."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the capture, or the surfels."""
@@ -53,6 +63,8 @@ class ExportCommand:
             from graycard.cli.splats import export_surfels
 
             return export_surfels(self.scene, self.format, self.out, terminal)
+        if self.format == "croissant":
+            return self._describe(terminal)
         from graycard.exchange import export_capture, left_out_of
 
         capture = export_capture(self.scene, self.format, self.out)
@@ -63,6 +75,17 @@ class ExportCommand:
         )
         if lost := left_out_of(capture, self.format):
             terminal.err.print(f"warning: {self.format} has no place for {' and '.join(lost)}: left out")
+        return OK
+
+    def _describe(self, terminal: Terminal) -> int:
+        """Write the manifest and the card of a dataset."""
+        from graycard import __version__
+        from graycard.exchange import write_cards
+
+        found = write_cards(self.scene, self.out, __version__, Publication(self.license, self.url))
+        if self.url == _TOLD.url:
+            terminal.advise("give --url, the address where people will find the data")
+        terminal.out.print(f"export: {self.out} as croissant, with a data card, {len(found.scenes)} scenes")
         return OK
 
 
