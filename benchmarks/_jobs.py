@@ -37,7 +37,15 @@ from graycard.methods.priors import PriorSpec
 from graycard.predictions import predictions_hash
 from graycard.processes import Outcome, worker_progress
 from graycard.records import Access, Cost, Job, ScoreSheet
-from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene, scene_name
+from graycard.synth import (
+    RenderSettings,
+    SceneSpec,
+    begin_scene,
+    find_scene,
+    render_part,
+    render_scene,
+    scene_name,
+)
 
 R = TypeVar("R")
 
@@ -62,6 +70,19 @@ class RenderJob:
     def words(self) -> str:
         """Return which scene it renders."""
         return f"{self.spec.track}/{scene_name(self.spec)}"
+
+
+@dataclass(frozen=True, slots=True)
+class PartJob:
+    """Render some pictures of a scene that was begun."""
+
+    scene: RenderJob
+    numbers: tuple[int, ...]
+
+    @property
+    def words(self) -> str:
+        """Return which scene it renders a part of."""
+        return f"{len(self.numbers)} pictures of {self.scene.words}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +143,22 @@ def run_render(job: RenderJob) -> Outcome:
 
 def _rendered(job: RenderJob) -> Path:
     return render_scene(job.spec, job.settings, job.dataset, worker_progress(), job.threads)
+
+
+def run_begin(job: RenderJob) -> Outcome:
+    """Get a scene ready to be rendered in parts; the value has the numbers of its missing pictures."""
+    return guarded(lambda: Outcome(value=begin_scene(job.spec, job.settings, job.dataset, job.threads)), None)
+
+
+def run_part(job: PartJob) -> Outcome:
+    """Render some pictures of a scene; those that are there are kept."""
+    scene = job.scene
+
+    def work() -> Outcome:
+        render_part(scene.spec, scene.settings, scene.dataset, job.numbers, scene.threads)
+        return Outcome()
+
+    return guarded(work, None)
 
 
 def run_fit(job: FitJob) -> Outcome:

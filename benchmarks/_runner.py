@@ -28,10 +28,8 @@ from graycard.benchmarks._jobs import (
     FitJob,
     RenderJob,
     find_fit,
-    find_rendered,
     find_scores,
     run_fit,
-    run_render,
     run_score,
 )
 from graycard.benchmarks._run_record import (
@@ -54,6 +52,7 @@ from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning._parts import Part
 from graycard.benchmarks.planning._plan import STAGES, part_of_plan, plan_fits
+from graycard.benchmarks.planning._rendering import render_scenes
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import sha256, write_json
@@ -375,14 +374,12 @@ def _keep(suite: Suite, run: Path) -> str:
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
     """Render scenes, on this machine one after the other: Mitsuba itself takes all cores."""
-    threads = bench.terms.machines.threads if bench.terms.machines else usable_cores()
+    machines = bench.terms.machines
+    threads = machines.threads if machines else usable_cores()
     jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, threads) for spec in specs]
-    outcomes = bench.run_all(run_render, jobs, 1, bench.part(0, "rendering"), find_rendered)
-    for job, outcome in zip(jobs, outcomes, strict=True):
-        if outcome.reason:
-            raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
-    check_seen(outcome.value / "truth" / "manifest.json" for outcome in outcomes)
-    return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
+    folders = render_scenes(jobs, bench.run_all, machines, bench.part(0, "rendering"))
+    check_seen(folder / "truth" / "manifest.json" for folder in folders)
+    return list(zip(specs, folders, strict=True))
 
 
 def _donors(bench: Bench, scenes: list[tuple[SceneSpec, Path]]) -> dict[Path, Path]:

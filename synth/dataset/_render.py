@@ -1,16 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
+"""From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged.
 
+One process makes a scene by :func:`render_scene`. Several share the work so: one calls :func:`begin_scene`,
+each renders some of the missing pictures by :func:`render_part`, and :func:`render_scene` does the rest.
+"""
+
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from graycard import DatasetError, OutputError, Progress, RecordError
 from graycard.io import file_lock, read_json, read_manifest, remove_leftovers, silent, writable_folder
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
 from graycard.synth.dataset._identity import differences, identity
-from graycard.synth.dataset._renderings import content_of, missing, renderings, write_missing
+from graycard.synth.dataset._renderings import (
+    Content,
+    content_of,
+    missing,
+    renderings,
+    write_aside,
+    write_missing,
+)
 from graycard.synth.dataset._store import (
     Place,
     damage,
@@ -88,29 +101,111 @@ def clear_leftovers(dataset: Path) -> None:
     remove_leftovers(Path(dataset))
 
 
+def begin_scene(
+    spec: SceneSpec, settings: RenderSettings, dataset: Path, threads: int | None = None
+) -> tuple[int, ...]:
+    """Get a scene ready to be rendered in parts.
+
+    Args:
+        spec: As of :func:`render_scene`, as all others.
+        settings: As there.
+        dataset: As there.
+        threads: As there.
+
+    Returns:
+        The numbers of the pictures that are missing; none where the scene is there and whole.
+
+    Raises:
+        GraycardError: As of :func:`render_scene`.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    if find_scene(spec, settings, dataset) is not None:
+        return ()
+    writable_folder(place.final.parent)
+    with file_lock(place.lock, lambda who: None):
+        if find_scene(spec, settings, dataset) is not None:
+            return ()
+        stamp = _open(place, spec, settings, threads)
+    wanted = renderings(_content(spec, settings), spec.seed, settings, stamp["variant"])
+    return tuple(number for number, _ in missing(wanted, place.partial / "truth"))
+
+
+def render_part(
+    spec: SceneSpec,
+    settings: RenderSettings,
+    dataset: Path,
+    numbers: Sequence[int],
+    threads: int | None = None,
+) -> None:
+    """Render some pictures of a scene that was begun, while other processes may render others.
+
+    Pictures that are there are kept. The bits are those of :func:`render_scene`.
+
+    Args:
+        spec: As of :func:`begin_scene`.
+        settings: As there.
+        dataset: As there.
+        numbers: Some of those that :func:`begin_scene` returned.
+        threads: As there.
+
+    Raises:
+        DatasetError: The scene was not begun, or with another spec or renderer.
+        OutputError: The dataset folder cannot be written to, or the disk is full.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    if find_scene(spec, settings, dataset) is not None:
+        return
+    stamp = stamped(place)
+    variant = str((stamp or {}).get("variant", ""))
+    if stamp is None or differences(stamp, {**identity(spec, settings), "variant": variant}, spec, settings):
+        raise DatasetError(f"expected {place.work} to hold a scene of this spec that was begun, got another")
+    if not can_render(variant):
+        raise DatasetError(
+            f"expected a machine that renders with {variant!r}, as the scene was begun with it. Install LLVM "
+            "there (`graycard doctor` says how)"
+        )
+    wanted = renderings(_content(spec, settings), spec.seed, settings, variant)
+    mine = [wanted[number] for number in numbers]
+    todo = missing(mine, place.partial / "truth")
+    if todo:
+        use_renderer(threads, variant)
+    for _, rendering in todo:
+        write_aside(rendering, place.partial / "truth", place.aside(uuid4().hex))
+
+
 def _make(
     place: Place, spec: SceneSpec, settings: RenderSettings, progress: Progress, threads: int | None
 ) -> None:
     """Render what is missing, derive the rest, seal."""
-    made_from = identity(spec, settings)
-    found = _found_of_this_spec(place, spec, settings)
-    if found is not None:
-        reopen(place, {**made_from, "variant": found["variant"]}, damage(place))
-    variant = _variant_for(place, threads)
-    stamp = {**made_from, "variant": variant}
-    begun = stamped(place)
-    resume(place, stamp, same=begun is not None and not differences(begun, stamp, spec, settings))
-    content = content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
-    wanted = renderings(content, spec.seed, settings, variant)
+    stamp = _open(place, spec, settings, threads)
+    content = _content(spec, settings)
+    wanted = renderings(content, spec.seed, settings, stamp["variant"])
     truth = place.partial / "truth"
     todo = missing(wanted, truth)
     if todo:
-        use_renderer(threads, variant)
+        use_renderer(threads, stamp["variant"])
     for number, rendering in todo:
         progress(number / len(wanted), f"{place.scene} {rendering.doing}")
         write_missing(rendering, truth)
     finish(place, content, stamp)
     promote(place)
+
+
+def _open(place: Place, spec: SceneSpec, settings: RenderSettings, threads: int | None) -> dict[str, Any]:
+    """Make the partial folder ready, with what is whole in it or in a damaged scene, and return its stamp."""
+    made_from = identity(spec, settings)
+    found = _found_of_this_spec(place, spec, settings)
+    if found is not None:
+        reopen(place, {**made_from, "variant": found["variant"]}, damage(place))
+    stamp = {**made_from, "variant": _variant_for(place, threads)}
+    begun = stamped(place)
+    resume(place, stamp, same=begun is not None and not differences(begun, stamp, spec, settings))
+    return stamp
+
+
+def _content(spec: SceneSpec, settings: RenderSettings) -> Content:
+    """Build the scene, with all changes that its settings ask for."""
+    return content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
 
 
 def _variant_for(place: Place, threads: int | None) -> str:

@@ -15,7 +15,7 @@ from graycard.edits import composed_file
 from graycard.io import write_layers
 from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
-from graycard.synth.dataset._store import is_whole_view, view_file
+from graycard.synth.dataset._store import discard, is_whole_view, move, view_file
 from graycard.synth.edits._composition import Composed, composition
 from graycard.synth.edits._light_edits import Edit, light_edits
 from graycard.synth.renderer._variant import SCALAR
@@ -83,6 +83,21 @@ def write_missing(rendering: Rendering, truth: Path) -> None:
     for name, layers, is_absent in zip(rendering.files, rendering.make(), absent, strict=True):
         if is_absent:
             write_layers(truth / name, layers)
+
+
+def write_aside(rendering: Rendering, truth: Path, aside: Path) -> None:
+    """Render into a folder of this process, and move the files in place that are not there then.
+
+    Raises:
+        OutputError: A folder cannot be written to, or the disk is full.
+    """
+    try:
+        for name, layers in zip(rendering.files, rendering.make(), strict=True):
+            write_layers(aside / name, layers)
+            if not (truth / name).exists():
+                move(aside / name, truth / name)
+    finally:
+        discard(aside)
 
 
 def _of_view(

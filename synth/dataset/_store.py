@@ -52,6 +52,10 @@ class Place:
         """The file that the process holds which makes the scene."""
         return self.dataset / self.track / f".{self.scene}.lock"
 
+    def aside(self, token: str) -> Path:
+        """Return a folder for pictures that one of several processes renders; closed as well."""
+        return self.work / "truth" / f"aside-{token}"
+
     @property
     def replaced(self) -> Path:
         """Folder in which broken scene waits until the new one is whole."""
@@ -92,7 +96,7 @@ def reopen(place: Place, stamp: Mapping[str, Any], faults: Mapping[str, str]) ->
     write_json(place.stamp, stamp)
     for name in faults:
         (place.final / name).unlink(missing_ok=True)
-    _move(place.final, place.partial)
+    move(place.final, place.partial)
 
 
 def resume(place: Place, stamp: Mapping[str, Any], *, same: bool) -> None:
@@ -111,9 +115,7 @@ def resume(place: Place, stamp: Mapping[str, Any], *, same: bool) -> None:
     write_json(place.stamp, stamp)
     for part in _PARTS:
         (place.partial / part / "manifest.json").unlink(missing_ok=True)
-    for unfinished in list(
-        place.partial.rglob(".*.partial")
-    ):  # a file in whose writing the process was killed
+    for unfinished in list(place.partial.rglob(".*.partial")):  # its process was killed while it wrote
         unfinished.unlink()
 
 
@@ -142,8 +144,8 @@ def promote(place: Place) -> None:
     """Move the finished scene to its final place; a broken one that lies there goes first."""
     discard(place.replaced)
     if place.final.exists():
-        _move(place.final, place.replaced)
-    _move(place.partial, place.final)
+        move(place.final, place.replaced)
+    move(place.partial, place.final)
     discard(place.work)
 
 
@@ -180,8 +182,14 @@ def foreign_content(place: Place) -> list[str]:
     return sorted(p.name for p in place.final.iterdir() if p.name not in _PARTS)
 
 
-def _move(source: Path, target: Path) -> None:
+def move(source: Path, target: Path) -> None:
+    """Rename a file or folder, and make the folder that it goes to.
+
+    Raises:
+        OutputError: It cannot be renamed.
+    """
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(source, target)
     except OSError as cause:
         raise OutputError(

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Render the scenes of a run, each in parts where more workers are there than scenes."""
+
+from collections.abc import Callable
+from math import ceil
+from pathlib import Path
+
+from graycard import Progress
+from graycard.benchmarks._jobs import (
+    PartJob,
+    RenderJob,
+    find_rendered,
+    run_begin,
+    run_part,
+    run_render,
+)
+from graycard.benchmarks._run_record import RunError
+from graycard.machines import Machines
+from graycard.processes import Outcome
+from graycard.synth import scene_name
+
+_LEAST = 4
+"""Pictures of a part at least: a worker takes seconds to import Mitsuba and to compile its kernels."""
+_EACH = 2
+"""Parts for each worker, so that none waits long for the last."""
+
+
+def render_scenes(
+    jobs: list[RenderJob],
+    run_all: Callable[..., list[Outcome]],
+    machines: Machines | None,
+    progress: Progress,
+) -> list[Path]:
+    """Render scenes that are not there, and return the folders of all.
+
+    Args:
+        jobs: The scenes.
+        run_all: Does jobs, as :meth:`graycard.machines.Machines.run_all`.
+        machines: Where it does them; None for this machine, which renders one scene after the other.
+        progress: Called after each job.
+
+    Raises:
+        RunError: A scene could not be rendered.
+    """
+    if machines is not None:
+        _render_parts(jobs, run_all, sum(machines.threads_of_workers().values()), progress)
+    outcomes = run_all(run_render, jobs, 1, progress, find_rendered)
+    for job, outcome in zip(jobs, outcomes, strict=True):
+        if outcome.reason:
+            raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
+    return [outcome.value for outcome in outcomes]
+
+
+def _render_parts(
+    jobs: list[RenderJob], run_all: Callable[..., list[Outcome]], workers: int, progress: Progress
+) -> None:
+    """Render pictures of scenes that are not there, in parts; whoever renders the scenes then finds them.
+
+    Nothing is done where there are as many scenes as workers. A part that fails is left to the rendering of
+    its scene, which says why.
+    """
+    absent = [job for job in jobs if find_rendered(job) is None]
+    if not 0 < len(absent) < workers:
+        return
+    begun = [
+        (job, outcome.value or ())
+        for job, outcome in zip(absent, run_all(run_begin, absent, 1, progress), strict=True)
+    ]
+    size = part_size(sum(len(numbers) for _, numbers in begun), workers)
+    parts = [PartJob(job, part) for job, numbers in begun for part in cut(numbers, size)]
+    run_all(run_part, parts, 1, progress)
+
+
+def part_size(pictures: int, workers: int) -> int:
+    """Return how many pictures a part has."""
+    return max(_LEAST, ceil(pictures / (_EACH * max(1, workers))))
+
+
+def cut(numbers: tuple[int, ...], size: int) -> list[tuple[int, ...]]:
+    """Return numbers in parts of one size, the last perhaps smaller."""
+    return [numbers[start : start + size] for start in range(0, len(numbers), size)]

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes are cut into parts where more workers are there than scenes."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from graycard.benchmarks import RunError
+from graycard.benchmarks._jobs import PartJob, RenderJob, run_begin, run_part, run_render
+from graycard.benchmarks.planning import _rendering
+from graycard.benchmarks.planning._rendering import cut, part_size, render_scenes
+from graycard.io import silent
+from graycard.machines import Machines
+from graycard.processes import Outcome
+from graycard.synth import RenderSettings, SceneSpec
+
+SETTINGS = RenderSettings(20, 16, 3, 1, 16, 3)
+
+
+class Workers:
+    """Some workers, and the jobs that they were given."""
+
+    def __init__(self, count: int, pictures: int = 10, fails: bool = False) -> None:
+        self.count, self.pictures, self.fails = count, pictures, fails
+        self.given: list[tuple[Callable[..., Outcome], list[Any]]] = []
+
+    def threads_of_workers(self) -> dict[str, int]:
+        return {"one": self.count - 1, "other": 1}
+
+    def run_all(self, work: Callable[..., Outcome], jobs: Sequence[Any], *_: object) -> list[Outcome]:
+        self.given.append((work, list(jobs)))
+        if self.fails:
+            return [Outcome(reason="the disk is full") for _ in jobs]
+        answers = {run_begin: tuple(range(self.pictures)), run_render: Path("scene")}
+        return [Outcome(value=answers.get(work)) for _ in jobs]
+
+
+def scenes(count: int, dataset: Path) -> list[RenderJob]:
+    specs = [SceneSpec("dark", "corridor", seed) for seed in range(count)]
+    return [RenderJob(spec, SETTINGS, dataset, 1) for spec in specs]
+
+
+def render(workers: Workers, jobs: list[RenderJob], *, machines: bool = True) -> list[Path]:
+    return render_scenes(jobs, workers.run_all, cast(Machines, workers) if machines else None, silent)
+
+
+def test_one_scene_is_rendered_by_all_workers(tmp_path: Path):
+    workers = Workers(4, pictures=68)
+    jobs = scenes(1, tmp_path)
+    assert render(workers, jobs) == [Path("scene")]
+    assert [work for work, _ in workers.given] == [run_begin, run_part, run_render]
+    parts: list[PartJob] = workers.given[1][1]
+    assert len(parts) == 8
+    assert [number for part in parts for number in part.numbers] == list(range(68))
+    assert {part.scene.spec.seed for part in parts} == {0}
+
+
+def test_parts_of_several_scenes_are_of_one_size(tmp_path: Path):
+    workers = Workers(8, pictures=30)
+    render(workers, scenes(3, tmp_path))
+    parts: list[PartJob] = workers.given[1][1]
+    assert max(len(part.numbers) for part in parts) == part_size(90, 8) == 6
+    assert {part.scene.spec.seed for part in parts} == {0, 1, 2}
+
+
+@pytest.mark.parametrize(("count", "machines"), [(2, True), (3, True), (1, False)])
+def test_scenes_are_whole_jobs_where_they_are_enough_or_there_is_one_machine(
+    count: int, machines: bool, tmp_path: Path
+):
+    workers = Workers(2)
+    render(workers, scenes(count, tmp_path), machines=machines)
+    assert [work for work, _ in workers.given] == [run_render]
+
+
+def test_scenes_that_are_there_are_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(_rendering, "find_rendered", lambda job: Outcome(reused=True, value=Path("there")))
+    workers = Workers(4)
+    render(workers, scenes(2, tmp_path))
+    assert [work for work, _ in workers.given] == [run_render]
+
+
+def test_a_scene_that_fails_is_named(tmp_path: Path):
+    with pytest.raises(RunError, match="scene dark/corridor-0000: the disk is full"):
+        render(Workers(4, fails=True), scenes(1, tmp_path))
+
+
+@pytest.mark.parametrize(("pictures", "workers", "size"), [(68, 4, 9), (68, 2, 17), (10, 30, 4), (0, 0, 4)])
+def test_a_part_is_worth_the_start_of_a_worker(pictures: int, workers: int, size: int):
+    assert part_size(pictures, workers) == size
+
+
+def test_cuts_lose_nothing():
+    assert cut((0, 1, 2, 3, 4), 2) == [(0, 1), (2, 3), (4,)]
+    assert cut((), 4) == []
