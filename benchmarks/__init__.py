@@ -38,8 +38,8 @@ from graycard.benchmarks.gates._gate import read_baseline as read_baseline
 from graycard.benchmarks.gates._gate import write_baseline as write_baseline
 from graycard.benchmarks.gates._history import add_entry as add_entry
 from graycard.benchmarks.gates._history import entry_of as entry_of
-from graycard.benchmarks.planning._parts import Part as Part
-from graycard.benchmarks.planning._parts import parse_part as parse_part
+from graycard.benchmarks.planning import Part as Part
+from graycard.benchmarks.planning import parse_part as parse_part
 from graycard.benchmarks.secret._salt import Salt as Salt
 from graycard.benchmarks.secret._salt import is_exposed as is_exposed
 from graycard.benchmarks.secret._salt import read_salt as read_salt

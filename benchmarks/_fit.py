@@ -134,6 +134,7 @@ class _Cost:
     seconds: float
     peak_mib: float
     resumed_peak_mib: float
+    resumed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +167,7 @@ class _Fit:
         decomposition, resumed = self.fitted(capture, priors)
         elapsed = time.perf_counter() - start + resumed.seconds
         peak = max(self.method.process.peak_mib(), resumed.peak_mib)
-        return decomposition, _Cost(elapsed, peak, resumed.peak_mib)
+        return decomposition, _Cost(elapsed, peak, resumed.peak_mib, resumed.seconds > 0)
 
 
 def _written(
@@ -191,12 +192,14 @@ def _written(
         alone: Whether nothing else was fitted in this process, so that its peak memory is that of the fit.
     """
     fit.method.seed(fit.spec.seed)  # pictures are the same whatever was fitted besides
-    start = time.perf_counter()
+    start, begun = time.perf_counter(), time.process_time()
     write_predictions(decomposition, capture, fit.method.label, predictions, fit.method.progress, changes)
     elapsed = spent.seconds + time.perf_counter() - start
     peak = max(fit.method.process.peak_mib(), spent.resumed_peak_mib) if alone else spent.peak_mib
+    taken = fit.method.process.cpu_s() if alone and not spent.resumed else None
     with blame(fit.spec.method):
-        return Cost(elapsed, peak, _counts(decomposition, capture))
+        counts = _counts(decomposition, capture)
+    return Cost(elapsed, peak, counts, None if taken is None else taken + time.process_time() - begun)
 
 
 def _guest(fit: _Fit, known: Known, donor: Path, changes: Changes) -> Guest | None:

@@ -6,6 +6,7 @@ method fails its own jobs and no others.
 """
 
 import os
+import time
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -49,7 +50,7 @@ from graycard.synth import (
 
 R = TypeVar("R")
 
-DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
+DONE, SCORES, ERROR, SCORING = "job.json", "scores.json", "error.txt", "scoring.json"
 
 JOBS_EACH = 20
 """Fits or sheets of a worker, until a fresh one takes over: to import what they need takes seconds."""
@@ -129,6 +130,14 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
+class ScoringCost:
+    """``scoring.json``: the time that the scores took."""
+
+    cpu_s: float
+    """Over all cores."""
+
+
+@dataclass(frozen=True, slots=True)
 class Scored:
     """``scores.json``: the scores, and what they depend on."""
 
@@ -199,9 +208,10 @@ def run_score(job: FitJob) -> Outcome:
     def work() -> Outcome:
         await_file(job.folder / DONE)
         with _lock(job), _threads(job.threads):
-            key = _score_key(job)
+            key, begun = _score_key(job), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORES, Scored(key, sheet))
+            write_json(job.folder / SCORING, ScoringCost(time.process_time() - begun))
             return Outcome(value=sheet)
 
     return guarded(work, job.folder / ERROR)

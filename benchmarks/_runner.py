@@ -50,9 +50,7 @@ from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder
 from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
-from graycard.benchmarks.planning._parts import Part
-from graycard.benchmarks.planning._plan import STAGES, part_of_plan, plan_fits
-from graycard.benchmarks.planning._rendering import render_scenes
+from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import sha256, write_json

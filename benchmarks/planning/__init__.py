@@ -1,2 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plan of a run: its fits with their addresses, and parts of it for job arrays."""
+"""The plan of a run: its fits with their addresses, parts of it for job arrays, and costs of larger ones."""
+
+from graycard.benchmarks.planning._outlook import Outlook as Outlook
+from graycard.benchmarks.planning._outlook import measured_costs as measured_costs
+from graycard.benchmarks.planning._outlook import outlook as outlook
+from graycard.benchmarks.planning._parts import Part as Part
+from graycard.benchmarks.planning._parts import parse_part as parse_part
+from graycard.benchmarks.planning._plan import STAGES as STAGES
+from graycard.benchmarks.planning._plan import part_of_plan as part_of_plan
+from graycard.benchmarks.planning._plan import plan_fits as plan_fits
+from graycard.benchmarks.planning._rendering import render_scenes as render_scenes

@@ -5,14 +5,25 @@ One process makes a scene by :func:`render_scene`. Several share the work so: on
 each renders some of the missing pictures by :func:`render_part`, and :func:`render_scene` does the rest.
 """
 
+import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 from graycard import DatasetError, OutputError, Progress, RecordError
-from graycard.io import file_lock, read_json, read_manifest, remove_leftovers, silent, writable_folder
+from graycard.io import (
+    file_lock,
+    from_builtins,
+    read_json,
+    read_manifest,
+    remove_leftovers,
+    silent,
+    writable_folder,
+    write_json,
+)
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
 from graycard.synth.dataset._identity import differences, identity
@@ -37,6 +48,14 @@ from graycard.synth.dataset._store import (
 )
 from graycard.synth.families import family_of, scene_name
 from graycard.synth.renderer._variant import can_render, use_renderer
+
+
+@dataclass(frozen=True, slots=True)
+class RenderingCost:
+    """Cost of a scene that was rendered in one go."""
+
+    cpu_s: float
+    """Over all cores, seconds."""
 
 
 def render_scene(
@@ -88,6 +107,18 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
     place = Place(Path(dataset), spec.track, scene_name(spec))
     found = _found_of_this_spec(place, spec, settings)
     return None if found is None or damage(place) else place.final
+
+
+def cost_of(scene: Path) -> RenderingCost | None:
+    """Return what it took to render a scene; None where it was not made in one go, or by an older version.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>``.
+    """
+    place = Place(scene.parent.parent, scene.parent.name, scene.name)
+    with suppress(RecordError):
+        return from_builtins(RenderingCost, read_json(place.cost))
+    return None
 
 
 def clear_leftovers(dataset: Path) -> None:
@@ -176,7 +207,8 @@ def render_part(
 def _make(
     place: Place, spec: SceneSpec, settings: RenderSettings, progress: Progress, threads: int | None
 ) -> None:
-    """Render what is missing, derive the rest, seal."""
+    """Render what is missing, derive the rest, seal, and keep the cost of a scene that was made in one go."""
+    begun = time.process_time()
     stamp = _open(place, spec, settings, threads)
     content = _content(spec, settings)
     wanted = renderings(content, spec.seed, settings, stamp["variant"])
@@ -189,6 +221,9 @@ def _make(
         write_missing(rendering, truth)
     finish(place, content, stamp)
     promote(place)
+    place.cost.unlink(missing_ok=True)
+    if len(todo) == len(wanted):
+        write_json(place.cost, RenderingCost(time.process_time() - begun))
 
 
 def _open(place: Place, spec: SceneSpec, settings: RenderSettings, threads: int | None) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 They import nothing that is closed there. What they saw they tell by what they render, count, save or raise.
 """
 
+import time
 from collections.abc import Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -51,6 +52,18 @@ class Plain:
         return Even()
 
     def load(self, folder: Path) -> Even:
+        return Even()
+
+
+class Busy(Plain):
+    """A method that takes half a second of a core."""
+
+    summary = "It works for half a second"
+
+    def fit(self, capture: Capture, priors: Priors, settings: Any, *_: object) -> Even:
+        until = time.process_time() + 0.5
+        while time.process_time() < until:
+            pass
         return Even()
 
 

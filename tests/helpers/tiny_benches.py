@@ -138,7 +138,7 @@ def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., P
             _sign(folder, job.spec, job)
         return Outcome(reused=True, value=folder)
 
-    patch.setattr(_runner, "find_rendered", find)
+    patch.setattr("graycard.benchmarks.planning._rendering.find_rendered", find)
     return asked
 
 
@@ -163,6 +163,9 @@ class _Here:
 
     def refusals(self) -> tuple[str, ...]:
         return ()
+
+    def cpu_s(self) -> None:
+        """Tell none: the thread's time is that of the whole process."""
 
     def peak_mib(self) -> float:
         return peak_memory_mib()

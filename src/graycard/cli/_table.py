@@ -142,6 +142,14 @@ VERBS = (
         example="graycard convergence runs/convergence-dark",
     ),
     Verb(
+        name="plan",
+        group="runs",
+        module="benches._plan",
+        command="PlanCommand",
+        help="Plan a large run: hours, disk and price, from measured costs",
+        example="graycard plan runs/demo --scenes 1000 --methods 50 --cores 64",
+    ),
+    Verb(
         name="check-result",
         group="runs",
         module="_checks",

@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 from graycard.io import parse_json, peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
@@ -65,6 +66,13 @@ class Confined:
     def peak_mib(self) -> float:
         """Return the most memory that it has held, MiB."""
         return peak_memory_mib(self.starter.pid)
+
+    def cpu_s(self) -> float | None:
+        """Return the CPU time that it and what it started have taken, seconds; None where none is told."""
+        with contextlib.suppress(OSError, ValueError, IndexError):  # there is no /proc, or it has ended
+            told = Path(f"/proc/{self.starter.pid}/stat").read_text().rpartition(")")[2].split()
+            return sum(map(int, told[11:15])) / os.sysconf("SC_CLK_TCK")  # proc(5): utime to cstime
+        return None
 
     def end(self) -> int | None:
         """End it with all that it has started.

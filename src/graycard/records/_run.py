@@ -138,6 +138,9 @@ class Cost:
     peak_memory_mib: float
     counts: Mapping[str, float] = field(default_factory=dict)
     """Counts by the method itself for one held-out view, the mean over them, as ``light evaluations``."""
+    cpu_s: float | None = None
+    """CPU time of the fit and of its predictions, seconds, over all cores. None in an older record, where no
+    system tells, and where stages were found done."""
 
 
 @dataclass(frozen=True, slots=True)

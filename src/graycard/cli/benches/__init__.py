@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verb that runs a suite, on this machine or on many."""
+"""Verbs that run a suite, on this machine or on many, and plan larger ones."""

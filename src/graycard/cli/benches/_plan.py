@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that says what a large run would take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.table import Table
+
+from graycard._errors import GraycardError
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
+from graycard.records import is_published, read_run
+
+if TYPE_CHECKING:
+    from graycard.benchmarks.planning import Outlook
+
+
+@dataclass(frozen=True)
+class PlanCommand:
+    """Say what a large run would take: hours, disk and price, from the costs that a small run measured.
+
+    Scenes and fits are taken to cost what they do in the mean of the run, at its sizes and steps.
+    """
+
+    run_folder: Annotated[Path, tyro.conf.Positional]
+    """The run folder of `graycard bench`, with its scenes and jobs."""
+    scenes: Annotated[int, optional("N")] = 1000
+    """Scenes of each track."""
+    methods: Annotated[int, optional("N")] = 50
+    """Rows on each scene."""
+    cores: Annotated[int, optional("N")] = 64
+    """Cores that work at the same time."""
+    efficiency: Annotated[float, optional("SHARE")] = 0.9
+    """Share of their time in which they work (docs/how-to/many-machines.md has what was measured)."""
+    price: Annotated[float | None, optional("FLOAT")] = None
+    """Price of one core hour; the price of the run is in the same currency."""
+    json: Json = None
+    """Also write the plan to this file."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Show a row for each track, and the sum.
+
+        Raises:
+            GraycardError: The run measured no costs, or a number is out of its range.
+        """
+        from graycard.benchmarks.planning import measured_costs, outlook
+
+        if is_published(self.run_folder):
+            raise GraycardError(
+                f"expected a run with its jobs and scenes, got a published one, {self.run_folder}. Run its "
+                "suite, or a part of it"
+            )
+        record = read_run(self.run_folder)
+        try:
+            found = [
+                outlook(cost, self.scenes, self.methods, self.cores, self.efficiency, self.price)
+                for cost in measured_costs(record, self.run_folder)
+            ]
+        except ValueError as error:
+            raise GraycardError(f"{error}. Mend the options") from error
+        terminal.out.print(_means(found))
+        terminal.out.print()
+        terminal.out.print(_plan(found))
+        write_optional_json(self.json, found)
+        total = sum(plan.hours for plan in found)
+        price = "" if self.price is None else f", price {sum(plan.price or 0 for plan in found):,.0f}"
+        terminal.out.print(
+            f"plan: {self.scenes} scenes x {self.methods} methods on {len(found)} tracks: {total:,.0f} h on "
+            f"{self.cores} cores, {sum(plan.disk_gb for plan in found):,.0f} GB{price}"
+        )
+        return OK
+
+
+def _means(found: Sequence[Outlook]) -> Table:
+    """Return what was measured, the mean of each track."""
+    heads = "render a scene", "fit", "score", "scene", "predictions", "memory of a fit"
+    table = new_table("measured", *heads)
+    for cost in (plan.measured for plan in found):
+        table.add_row(
+            f"{cost.track} ({cost.scenes} scenes, {cost.fits} fits)",
+            *(f"{seconds:,.1f} CPU s" for seconds in (cost.rendering_s, cost.fit_s, cost.scoring_s)),
+            *(f"{size / 1e6:,.1f} MB" for size in (cost.scene_bytes, cost.job_bytes)),
+            f"{cost.peak_mib:,.0f} MiB",
+        )
+    return table
+
+
+def _plan(found: Sequence[Outlook]) -> Table:
+    """Return what the large run takes."""
+    table = new_table("planned", "rendering", "fits", "scoring", "together", "time", "disk", "price")
+    for plan in found:
+        parts = plan.rendering_h, plan.fits_h, plan.scoring_h, plan.cpu_h
+        price = "" if plan.price is None else f"{plan.price:,.0f}"
+        hours = (f"{hours:,.0f} CPU h" for hours in parts)
+        table.add_row(plan.measured.track, *hours, f"{plan.hours:,.0f} h", f"{plan.disk_gb:,.0f} GB", price)
+    return table

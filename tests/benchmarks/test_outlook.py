@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Large runs are planned from what a small one measured."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from graycard.benchmarks import FitSpec
+from graycard.benchmarks._fit import fit_scene
+from graycard.benchmarks.planning import measured_costs, outlook
+from graycard.benchmarks.planning._outlook import Measured
+from graycard.cli import main
+from graycard.io import silent, write_json
+from graycard.records import Cost, RunRecord, job_folder, read_run
+from graycard.synth import cost_of
+from valid_runs import write_valid_run
+
+COST = Measured("dark", 2, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
+
+
+def test_hours_disk_and_price_of_a_large_run():
+    plan = outlook(COST, 1000, 50, cores=64, efficiency=0.9, price=0.05)
+    assert plan.rendering_h == pytest.approx(100)
+    assert plan.fits_h == pytest.approx(1000)
+    assert plan.scoring_h == pytest.approx(100)
+    assert plan.cpu_h == pytest.approx(1200)
+    assert plan.hours == pytest.approx(1200 / (64 * 0.9))
+    assert plan.disk_gb == pytest.approx(50 + 200)
+    assert plan.price == pytest.approx(1200 / 0.9 * 0.05), "idle cores are paid as well"
+    assert outlook(COST, 1000, 50, cores=64).price is None
+
+
+@pytest.mark.parametrize(
+    "numbers", [(0, 1, 1, 1.0, None), (1, 0, 1, 1.0, None), (1, 1, 0, 1.0, None), (1, 1, 1, 0.0, None),
+                (1, 1, 1, 1.1, None), (1, 1, 1, float("nan"), None), (1, 1, 1, 1.0, -1.0)]
+)  # fmt: skip
+def test_numbers_out_of_range_are_refused(numbers: tuple[int, int, int, float, float | None]):
+    with pytest.raises(ValueError, match="expected scenes, methods and cores from 1"):
+        outlook(COST, *numbers)
+
+
+@pytest.fixture
+def run(tmp_path: Path, write_tiny: Callable[..., Path]) -> Path:
+    """A valid run, with the costs that a bench keeps."""
+    run = write_valid_run(tmp_path / "run", write_tiny)
+    record = read_run(run)
+    for number, scene in enumerate(record.scenes):
+        folder = run / scene.folder
+        write_json(folder.parent / f".{folder.name}.cost.json", {"cpu_s": 100.0 + number})
+    results = []
+    for number, result in enumerate(record.results):
+        write_json(job_folder(run, result) / "scoring.json", {"cpu_s": 2.0})
+        results.append(replace(result, cost=Cost(1.0, 500.0 + number, {}, 10.0 + number)))
+    write_json(run / "run.json", replace(record, results=tuple(results)))
+    return run
+
+
+def bytes_below(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def test_costs_are_means_of_what_a_run_measured(run: Path):
+    record = read_run(run)
+    (found,) = measured_costs(record, run)
+    scenes, jobs = len(record.scenes), len(record.results)
+    assert (found.scenes, found.fits) == (scenes, jobs)
+    assert found.rendering_s == pytest.approx(100 + (scenes - 1) / 2)
+    assert found.fit_s == pytest.approx(10 + (jobs - 1) / 2)
+    assert found.scoring_s == pytest.approx(2)
+    assert found.peak_mib == 500 + jobs - 1
+    assert found.scene_bytes * scenes == pytest.approx(
+        sum(bytes_below(run / s.folder) for s in record.scenes)
+    )
+    assert found.job_bytes * jobs == pytest.approx(
+        sum(bytes_below(job_folder(run, r)) for r in record.results)
+    )
+
+
+def forget_scenes(run: Path, record: RunRecord) -> None:
+    for scene in record.scenes:
+        (run / scene.folder).with_name(f".{scene.scene}.cost.json").unlink()
+
+
+def forget_fits(run: Path, record: RunRecord) -> None:
+    results = [replace(result, cost=Cost(1.0, 1.0)) for result in record.results]
+    write_json(run / "run.json", replace(record, results=tuple(results)))
+
+
+def forget_scores(run: Path, record: RunRecord) -> None:
+    for result in record.results:
+        (job_folder(run, result) / "scoring.json").write_text("{")
+
+
+@pytest.mark.parametrize(
+    ("forget", "words"), [(forget_scenes, "scene"), (forget_fits, "fit"), (forget_scores, "set of scores")]
+)
+def test_what_was_not_measured_is_not_made_up(
+    run: Path, forget: Callable[[Path, RunRecord], None], words: str, capsys: pytest.CaptureFixture[str]
+):
+    forget(run, read_run(run))
+    assert main(["plan", str(run)]) == 2
+    shown = " ".join(capsys.readouterr().err.split())
+    assert f"to have measured a {words} of track dark, got none" in shown
+
+
+def test_the_verb_shows_the_plan(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    told = ["--scenes", "1000", "--methods", "50", "--cores", "10", "--price", "0.1", "--efficiency", "1"]
+    assert main(["plan", str(run), *told, "--json", str(tmp_path / "plan.json")]) == 0
+    shown = capsys.readouterr().out
+    (plan,) = json.loads((tmp_path / "plan.json").read_text())
+    assert (plan["scenes"], plan["methods"]) == (1000, 50)
+    assert plan["price"] == pytest.approx(plan["hours"] * 10 * 0.1)
+    assert f"1000 scenes x 50 methods on 1 tracks: {plan['hours']:,.0f} h on 10 cores" in shown
+    assert main(["plan", str(run), "--cores", "0"]) == 2
+    assert "Mend the options" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_fit_tells_its_cpu_time(make_scene: Callable[..., Path], tmp_path: Path):
+    cost = fit_scene(
+        FitSpec("small_methods:Busy", {}, 0, make_scene()), tmp_path / "predictions", silent
+    ).cost
+    assert cost.cpu_s is not None
+    assert cost.cpu_s >= 0.5
+
+
+def test_a_scene_without_a_measurement_has_no_cost(tmp_path: Path):
+    assert cost_of(tmp_path / "dark" / "corridor-0001") is None
+    (tmp_path / "dark").mkdir()
+    (tmp_path / "dark" / ".corridor-0001.cost.json").write_text("[]")
+    assert cost_of(tmp_path / "dark" / "corridor-0001") is None
