@@ -187,7 +187,15 @@ VERBS = (
         module="_checks",
         command="PublishCommand",
         help="Keep the records and the report of a valid run",
-        example="graycard publish runs/demo --out published",
+        example="graycard publish runs/demo --out published/demo",
+    ),
+    Verb(
+        name="site",
+        group="runs",
+        module="pages._site",
+        command="SiteCommand",
+        help="Make static pages of published runs and their claims",
+        example="graycard site published --out site",
     ),
     Verb(
         name="import",

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The published folders that a site is made of, and the histories above them."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from graycard import RecordError
+from graycard.io import check_name, from_builtins, read_bytes, read_json
+from graycard.records import (
+    HISTORY,
+    PUBLISHED_PAGE,
+    Ledger,
+    VerdictHistory,
+    is_published,
+    read_history,
+    read_ledger,
+)
+from graycard.reports.history._reasons import Reasons, load_reasons
+
+TABLES_FILE = "tables.json"
+"""Ledger of papers' tables held against themselves, beside a history."""
+_ANCHOR = re.compile(rb'id="(claim-[^"]+)"')
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """One published folder."""
+
+    name: str
+    folder: Path
+    ledger: Ledger | None
+    anchors: frozenset[str]
+    """Claims that its report has a section of, by the id of that section."""
+
+    @property
+    def report(self) -> Path:
+        """Return the full report."""
+        return self.folder / PUBLISHED_PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A history with the words of people."""
+
+    folder: Path
+    history: VerdictHistory
+    reasons: Reasons
+
+
+def published_runs(places: Sequence[Path]) -> tuple[Published, ...]:
+    """Return the published runs at some places, each a published folder or one that holds such.
+
+    Raises:
+        RecordError: A place holds none, two have one name, or a ledger is damaged.
+    """
+    folders = [folder for place in places for folder in _folders_at(Path(place))]
+    names = [folder.resolve().name for folder in folders]
+    if not folders or len({*names}) < len(names):
+        raise RecordError(
+            f"expected published runs of different names, got {', '.join(names) or 'none'}. Rename a folder"
+        )
+    return tuple(map(_published, folders))
+
+
+def histories(runs: Iterable[Published]) -> tuple[Kept, ...]:
+    """Return the histories above published runs, each once.
+
+    Raises:
+        RecordError: One is damaged.
+    """
+    above = dict.fromkeys(run.folder.resolve().parent for run in runs)
+    return tuple(
+        Kept(folder, read_history(folder), load_reasons(folder))
+        for folder in above
+        if (folder / HISTORY).is_file()
+    )
+
+
+def tables_of(kept: Iterable[Kept]) -> tuple[Ledger, ...]:
+    """Return the ledgers of papers' own tables beside histories.
+
+    Raises:
+        RecordError: One is damaged.
+    """
+    paths = (one.folder / TABLES_FILE for one in kept)
+    return tuple(
+        from_builtins(Ledger, read_json(path), RecordError, str(path)) for path in paths if path.is_file()
+    )
+
+
+def _folders_at(place: Path) -> list[Path]:
+    if is_published(place):
+        return [place]
+    inside = sorted(path for path in place.iterdir() if path.is_dir()) if place.is_dir() else []
+    if found := [path for path in inside if is_published(path)]:
+        return found
+    raise RecordError(
+        f"expected a published run, or a folder of such, at {place}, got none. Make one: `graycard publish`"
+    )
+
+
+def _published(folder: Path) -> Published:
+    name = folder.resolve().name
+    try:
+        check_name(name)
+    except ValueError as fault:
+        raise RecordError(f"{fault}. Rename the folder {folder}") from fault
+    anchors = frozenset(found.decode() for found in _ANCHOR.findall(read_bytes(folder / PUBLISHED_PAGE)))
+    return Published(name, folder, read_ledger(folder), anchors)
