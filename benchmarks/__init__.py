@@ -26,6 +26,7 @@ from graycard.benchmarks._suites import with_predictions as with_predictions
 from graycard.benchmarks._suites import with_secret as with_secret
 from graycard.benchmarks._until_decided import Plan as Plan
 from graycard.benchmarks._until_decided import run_until_decided as run_until_decided
+from graycard.benchmarks.commands._command import Command as Command
 from graycard.benchmarks.gates._annotations import annotations as annotations
 from graycard.benchmarks.gates._gate import Baseline as Baseline
 from graycard.benchmarks.gates._gate import Change as Change

@@ -13,6 +13,7 @@ from graycard import TRACKS, MethodError
 from graycard.benchmarks._handed import OPAQUE, places_of, scratch_folder
 from graycard.benchmarks._jobs import JOBS_EACH, guarded
 from graycard.benchmarks._suites import SuiteMethod
+from graycard.benchmarks.commands._fit import introduction_of_command
 from graycard.io import from_builtins, silent, to_builtins
 from graycard.methods import BUILT_IN
 from graycard.methods.confined import SERVE, Introduction, confined
@@ -52,7 +53,7 @@ def introduce(
         UnknownNameError: A method does not exist.
         MethodError: One does not load, or does not take its settings or its priors.
     """
-    foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
+    foreign = [m for m in methods if not (m.predictions or m.run) and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs, allowed) for method in foreign]
     found = run_all(meet, meetings, at_a_time, silent, limits=limits, tasks_each=JOBS_EACH, confines=SERVE)
     met = iter(found)
@@ -60,8 +61,7 @@ def introduce(
 
 
 def introduction_of(method: SuiteMethod) -> Introduction:
-    """Return what one method says of itself; it is imported. Of predictions of other code: that they are
-    such.
+    """Return what one method says of itself; it is imported. Of commands and predictions: that they are such.
 
     Raises:
         UnknownNameError: It does not exist.
@@ -70,6 +70,8 @@ def introduction_of(method: SuiteMethod) -> Introduction:
     if method.predictions:
         says = f"Predictions of other code, submitted ({method.predictions}): what they saw is not known"
         return Introduction(says, (), {}, (), "")
+    if method.run:
+        return introduction_of_command(method, method.settings)
     return introduced(method.name, method.settings, method.priors)
 
 

@@ -20,6 +20,8 @@ from graycard import GraycardError, OutputError, missing_package, open_predictio
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
+from graycard.benchmarks.commands._command import RECORDED, Command
+from graycard.benchmarks.commands._fit import CommandSpec, fit_command
 from graycard.eval import score_predictions
 from graycard.io import (
     await_file,
@@ -105,6 +107,8 @@ class FitJob:
     """Predictions of other code, taken in place of a fit."""
     allowed: tuple[Path, ...] = ()
     """Files and folders that the method may read and change besides."""
+    command: Command | None = None
+    """What is run in place of a fit."""
 
     @property
     def words(self) -> str:
@@ -194,6 +198,11 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
     if job.given is not None:
         take_predictions(job.given, predictions, made)
         return None, None
+    if job.command is not None:
+        settings = {name: value for name, value in made.settings.items() if name != RECORDED}
+        told = CommandSpec(job.command, made.method, settings, made.seed, job.scene, job.allowed)
+        with _threads(job.threads):
+            return fit_command(told, predictions, worker_progress(), job.jobs)
     priors = from_builtins(PriorSpec, made.priors)
     asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
     spec = FitSpec(*asked, donor=job.donor, stages=job.stages, allowed=job.allowed)

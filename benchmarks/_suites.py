@@ -9,6 +9,7 @@ from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.benchmarks._ranges import SceneRange
+from graycard.benchmarks.commands._command import Command
 from graycard.benchmarks.convergence import swept
 from graycard.benchmarks.secret._salt import Salt
 from graycard.benchmarks.secret._scenes import SecretScenes
@@ -23,12 +24,12 @@ KEPT = "suite.json"
 FOLDER = Path(__file__).parent / "suites"
 
 
-@dataclass(frozen=True, slots=True)
-class SuiteMethod:
-    """A method of a suite."""
+@dataclass(frozen=True)
+class SuiteMethod(Command):
+    """A method of a suite: one that is imported, a command that is run, or predictions of other code."""
 
     name: Label
-    """A registered name or ``module:attribute``."""
+    """A registered name or ``module:attribute``; of a command or of predictions any other name."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Those that differ from the method's defaults."""
     label: str = ""
@@ -51,14 +52,21 @@ class SuiteMethod:
             raise ValueError(f"expected a slack of 1 or more for {self.row}, got {self.slack}")
         for track in self.tracks:
             check_track(track)
-        fitted = self.settings or self.label or self.composes or self.priors != PriorSpec()
+        self.check(self.row, self.settings)
+        chosen = self.label or self.composes or self.priors != PriorSpec()
+        if self.run and (chosen or self.predictions):
+            raise ValueError(
+                f"expected a name and a command, {self.name}, got a label, priors, compositions or "
+                "predictions as well: a command has none. Leave them out"
+            )
+        fitted = self.settings or chosen
         if self.predictions and fitted:
             raise ValueError(
                 f"expected a name and a folder of submitted predictions, {self.name}, got settings, a label, "
                 "priors or compositions as well: they change nothing there. Leave them out"
             )
-        if self.predictions and self.name in BUILT_IN:
-            raise ValueError(_taken(self.name))
+        if (self.predictions or self.run) and self.name in BUILT_IN:
+            raise ValueError(_taken(self.name, "a command" if self.run else "submitted predictions"))
 
     @property
     def row(self) -> str:
@@ -71,8 +79,13 @@ class SuiteMethod:
 
     @property
     def entry(self) -> str:
-        """Return what is loaded; empty where predictions are submitted."""
-        return "" if self.predictions else self.name
+        """Return what is loaded, or run after ``$``; empty where predictions are submitted."""
+        return "" if self.predictions else f"$ {self.run}" if self.run else self.name
+
+    @property
+    def command(self) -> Command | None:
+        """Return the command; None for a method that is imported, and for predictions."""
+        return self if self.run else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,10 +301,10 @@ def _submitted(row: str, suite: Suite) -> SuiteMethod:
     return SuiteMethod(name, predictions=folder)
 
 
-def _taken(name: str) -> str:
+def _taken(name: str, what: str = "submitted predictions") -> str:
     return (
-        f"expected a name of their own for submitted predictions, got {name!r}, which is that of a "
-        f"method or of a row. Call them {name}-official, say"
+        f"expected a name of their own for {what}, got {name!r}, which is that of a method or of a row. "
+        f"Call it {name}-official, say"
     )
 
 

@@ -5,6 +5,7 @@ from graycard import angles as angles
 from graycard.eval._protocol import PROTOCOL as PROTOCOL
 from graycard.eval.hints._find import find_hints as find_hints
 from graycard.eval.hints._hints import Hint as Hint
+from graycard.eval.hints._lights import light_hints as light_hints
 from graycard.eval.kinds._metric import Metric as Metric
 from graycard.eval.kinds._references import Reference as Reference
 from graycard.eval.lights._errors import LightMatch as LightMatch

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tiny scene with closed-form truth, on disk, without a renderer: what most tests stand on."""
+"""Fixtures that most tests stand on: tiny scenes with closed-form truth, a small disk, weights."""
 
 import os
 import subprocess
@@ -7,27 +7,11 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from graycard import (
-    TRACKS,
-    Camera,
-    Capture,
-    MethodError,
-    PointLight,
-    RenderError,
-    SceneObject,
-    Truth,
-    View,
-    __version__,
-    look_at,
-    world_position,
-)
-from graycard.dataset import write_index
-from graycard.io import Manifest, write_layers, write_manifest, write_rgb
-from graycard.lights import write_lights
+from graycard import TRACKS, MethodError, RenderError
 from graycard.networks import HOME, LPIPS_VARIABLE, SETS, is_whole, weights_home
+from graycard.tiny import write_tiny_scene
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 """Let threads of OpenMP sleep while they wait for work. With a test on each core they take the cores from
@@ -41,12 +25,6 @@ os.environ.pop(LPIPS_VARIABLE, None)
 
 CHEAP = {"run_python", "loaded", "in_process", "world"}
 """Fixtures of a session that cost next to nothing."""
-
-WIDTH, HEIGHT = 28, 24
-DIAMETER = 4.0
-RADIUS = 0.6
-ALBEDO = {0: (0.0, 0.0, 0.0), 1: (0.55, 0.45, 0.30), 2: (0.20, 0.45, 0.60), 3: (0.6, 0.1, 0.1)}
-LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
 
 
 @pytest.hookimpl(tryfirst=True)  # xdist's own hook reads the marks
@@ -90,110 +68,12 @@ def shared_fixture(item: pytest.Item) -> str:
     return item.nodeid.partition("::")[0] if any(f.scope == "module" for f in ours) else ""
 
 
-def shade(camera: Camera, with_target: bool) -> dict[str, np.ndarray]:
-    """Exact layers of a floor, a ball and a small red target ball under a light on the camera."""
-    balls = [(2, np.array([0, 0, RADIUS]), RADIUS)]
-    balls += [(3, np.array([0.9, -0.3, 0.3]), 0.3)] if with_target else []
-    rays, origin = camera.rays(), camera.position
-    floor = np.where(rays[..., 2] < 0, -origin[2] / np.minimum(rays[..., 2], -1e-9), np.inf)
-    floor = np.where(np.linalg.norm((origin + floor[..., None] * rays)[..., :2], axis=-1) < 2, floor, np.inf)
-    distance, ids = floor, np.where(np.isfinite(floor), 1, 0)
-    normal = np.where(ids[..., None] > 0, np.array([0.0, 0.0, 1.0]), 0.0)
-    for number, centre, radius in balls:
-        b = rays @ (origin - centre)
-        hit = b**2 - (origin - centre) @ (origin - centre) + radius**2
-        t = np.where(hit > 0, -b - np.sqrt(np.maximum(hit, 0)), np.inf)
-        closer = (t > 0) & (t < distance)
-        distance, ids = np.where(closer, t, distance), np.where(closer, number, ids)
-        point = origin + np.where(closer, t, 0)[..., None] * rays
-        normal = np.where(closer[..., None], (point - centre) / radius, normal)
-    seen = ids > 0
-    point = origin + np.where(seen, distance, 0)[..., None] * rays
-    to_light = world_position(LAMP, camera) - point
-    square = (to_light**2).sum(-1)
-    cosine = np.maximum((normal * to_light).sum(-1) / np.sqrt(square), 0)
-    base = np.array([ALBEDO[i] for i in range(4)])[ids]
-    texture = 1 + 0.3 * np.sin(9 * point[..., :1]) * np.sin(7 * point[..., 1:2])
-    base = base * texture
-    irradiance = np.array(LAMP.intensity) * (cosine / square)[..., None]
-    return {
-        "radiance": np.where(seen[..., None], base / np.pi * irradiance, 0.02).astype(np.float32),
-        "base_color": base.astype(np.float32),
-        "normal": normal.astype(np.float32),
-        "depth": (distance * (rays @ camera.forward)).astype(np.float32),
-        "object_id": ids.astype(np.uint32),
-    }
-
-
-def write_scene(
-    dataset: Path,
-    track: str = "dark",
-    scene: str = "tiny-0000",
-    train: int = 3,
-    test: int = 2,
-    sigma: float = 1e-3,
-    size: tuple[int, int] = (WIDTH, HEIGHT),
-) -> Path:
-    """Write the tiny scene as a whole dataset folder and return ``DATASET/<track>/<scene>``."""
-    folder = Path(dataset) / track / scene
-    target = 3 if track == "tabletop" else None
-    angles = np.linspace(0, 1.2, train + test)
-    cameras = [
-        Camera.from_fov(
-            *size,
-            50,
-            look_at(np.array([3 * np.sin(a), -3 * np.cos(a), 1.6]), np.array([0, 0, 0.4])),
-        )
-        for a in angles
-    ]
-    splits = ["test" if i % 2 and i // 2 < test else "train" for i in range(train + test)]
-    views = tuple(
-        View(f"{split}_{i:03d}", split, camera)  # pyright: ignore[reportArgumentType]
-        for i, (split, camera) in enumerate(zip(splits, cameras, strict=True))
-    )
-    noise = np.random.default_rng(7)
-    photographs = []
-    for view in views:
-        layers = shade(view.camera, with_target=True)
-        layers["radiance.var"] = np.full_like(layers["radiance"], sigma**2)
-        layers["radiance"] = layers["radiance"] + noise.normal(0, sigma, layers["radiance"].shape).astype(
-            np.float32
-        )
-        if target:
-            layers["counterfactual.radiance"] = shade(view.camera, with_target=False)["radiance"]
-            layers["counterfactual.radiance.var"] = layers["radiance.var"]
-        write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
-        if view.split == "train":
-            write_rgb(folder / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
-            photographs.append(layers["radiance"])
-            if target:
-                mask = layers["object_id"] * (layers["object_id"] == target)
-                write_layers(
-                    folder / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask}
-                )
-    exposure = float(1 / np.percentile(photographs, 99))
-    capture = Capture(track, scene, views, exposure, light_on_camera=track == "dark", target=target)
-    objects = (
-        SceneObject(1, "floor", False),
-        SceneObject(2, "ball", False),
-        SceneObject(3, "target", False),
-    )
-    truth = Truth(track, scene, views, exposure, DIAMETER, objects, target)
-    write_index(folder / "capture", capture)
-    write_index(folder / "truth", truth)
-    write_lights(folder / "truth" / "lights.json", (LAMP,))
-    origin = {"name": "tests", "version": __version__}
-    write_manifest(folder / "capture", Manifest("graycard-capture", 1, track, scene, origin, {}, {}))
-    write_manifest(folder / "truth", Manifest("graycard-truth", 1, track, scene, origin, {"scene": 0}, {}))
-    return folder
-
-
 @pytest.fixture
 def make_scene(tmp_path: Path) -> Callable[..., Path]:
     """``make_scene(track="dark", scene="tiny-0000", train=3, test=2)`` writes one, gives its folder."""
 
     def make(**options: object) -> Path:
-        return write_scene(tmp_path / "dataset", **options)  # pyright: ignore[reportArgumentType]
+        return write_tiny_scene(tmp_path / "dataset", **options)  # pyright: ignore[reportArgumentType]
 
     return make
 
@@ -201,14 +81,14 @@ def make_scene(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture(scope="session")
 def write_tiny() -> Callable[..., Path]:
     """``write_tiny(dataset, **options)`` writes the scene, for fixtures that outlive a test."""
-    return write_scene
+    return write_tiny_scene
 
 
 @pytest.fixture(scope="session")
 def tiny_scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One scene folder a track, shared and not to be changed."""
     dataset = tmp_path_factory.mktemp("tiny")
-    return {track: write_scene(dataset, track=track) for track in TRACKS}
+    return {track: write_tiny_scene(dataset, track=track) for track in TRACKS}
 
 
 @pytest.fixture

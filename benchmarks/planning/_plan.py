@@ -62,7 +62,8 @@ def plan_fits(
                 name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
                 stages = stages_folder(run, known, folder, threads)
-                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages, given))
+                told = (run / "jobs", donor, stages, given)
+                plan.append(FitJob(job, name, folder, where, threads, *told, command=method.command))
     return plan
 
 

@@ -2,12 +2,11 @@
 """A method in a process that can reach nothing but its capture, and the decompositions that it makes."""
 
 import math
-import os
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -17,11 +16,11 @@ from weakref import finalize
 import numpy as np
 
 from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
-from graycard.io import printable, silent, to_builtins
+from graycard.io import from_builtins, printable, silent, to_builtins
 from graycard.methods._contract import Ask, Decomposition, Guest, Priors
-from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root, linked_gpu_kernels
-from graycard.methods._registry import BUILT_IN, module_of
+from graycard.methods._registry import BUILT_IN
 from graycard.methods.confined._kernels import keep_kernels, note_use
+from graycard.methods.confined._program import Ran
 from graycard.methods.confined._saved import take_files
 from graycard.methods.confined._wire import (
     ask_in,
@@ -34,17 +33,8 @@ from graycard.methods.confined._wire import (
     question_in,
     shortened,
 )
-from graycard.processes import (
-    ChannelError,
-    Confined,
-    Message,
-    Places,
-    started,
-    words_of_end,
-)
+from graycard.processes import ChannelError, Confined, Message, words_of_end
 
-SERVE = "graycard.methods.confined:serve"
-"""Function that the process runs."""
 _NO_PRIORS = Priors()
 _LONGEST_STEP = 200
 """Characters of what a method says of its progress."""
@@ -159,7 +149,27 @@ class ConfinedMethod:
         Raises:
             GraycardError: As it raises.
         """
-        return self.ask("call", {"function": function, "arguments": arguments}).data
+        return self.ask("call", {"method": self.name, "function": function, "arguments": arguments}).data
+
+    def run(
+        self,
+        command: Sequence[str],
+        folder: Path,
+        logs: Path,
+        variables: Mapping[str, str],
+        timeout_s: float | None = None,
+    ) -> Ran:
+        """Run a program there, as :func:`graycard.methods.confined._program.run_program` does.
+
+        Raises:
+            MethodError: It cannot be started, or the process ended.
+        """
+        told = {
+            "command": list(command), "folder": str(folder), "logs": str(logs),
+            "variables": dict(variables), "timeout_s": timeout_s,
+        }  # fmt: skip
+        found = self.ask("run", told).data
+        return from_builtins(Ran, found, MethodError, "how a program ended")
 
     def ask(
         self,
@@ -354,45 +364,3 @@ def _kind_of(able: tuple[str, ...]) -> type[ConfinedDecomposition]:
     """Return a kind of decomposition that can do these verbs and no others: what it claims is what it has."""
     bases = tuple(_VERBS[verb] for verb in able) or (ConfinedDecomposition,)
     return type("ConfinedDecomposition", bases, {})
-
-
-@contextmanager
-def confined(
-    name: str,
-    scratch: Path,
-    places: Places,
-    progress: Progress = silent,
-    label: str = "",
-) -> Iterator[ConfinedMethod]:
-    """Return a process for the code of a method, which ends with the block.
-
-    Args:
-        name: A registered name or ``module:attribute``.
-        scratch: Folder of the process.
-        places: What is open and what is closed to it.
-        progress: Called now and then.
-        label: Name in messages; that of the method if empty.
-
-    Raises:
-        UnknownNameError: No method has this name.
-        MethodError: It is offered twice, or the process cannot be started.
-    """
-    module = module_of(name)
-    try:
-        process = started(SERVE)
-    except OSError as cause:
-        raise MethodError(f"expected room for a process, got {cause.strerror}. Try fewer --jobs") from cause
-    method = ConfinedMethod(name, label or name, process, scratch, progress)
-    try:
-        kernels = str(kernel_root(os.environ.get("NUMBA_CACHE_DIR")))
-        variables = {SHARED_KERNELS: kernels, "NUMBA_CACHE_DIR": str(scratch / "kernels")}
-        readable = (*places.readable, kernels, *linked_gpu_kernels(scratch / "home"))
-        try:
-            process.confine(replace(places, readable=readable), module, variables)
-        except ChannelError as cause:
-            raise MethodError(
-                f"expected a process for {name!r}, got {cause}. {words_of_end(process.end())}"
-            ) from None
-        yield method
-    finally:
-        process.end()

@@ -18,6 +18,10 @@ def take_files(made: Path, folder: Path) -> None:
 
     The method may go on and change names meanwhile. So files are opened from folders that are open.
 
+    Args:
+        made: Folder that the method has written; it goes.
+        folder: Where to.
+
     Raises:
         MethodError: There is something else than files and folders, or they cannot be read.
         OutputError: The folder cannot be written to, or the disk is full.
@@ -35,7 +39,7 @@ def take_files(made: Path, folder: Path) -> None:
     except FileNotFoundError as cause:
         _refuse(cause)
     if not is_folder:
-        raise MethodError(f"expected a folder of a saved decomposition, got {made.name}, which is none")
+        raise MethodError(f"expected a folder of files, got {made.name}, which is none")
     shutil.rmtree(made, ignore_errors=True)
 
 
@@ -57,9 +61,7 @@ def _opened(name: str, folder: int, is_kind: Callable[[int], bool]) -> Iterator[
         _refuse(cause)
     try:
         if not is_kind(os.fstat(number).st_mode):
-            raise MethodError(
-                f"expected files of a saved decomposition, got {printable(name)}, which is none"
-            )
+            raise MethodError(f"expected files of a method, got {printable(name)}, which is none")
         yield number
     finally:
         os.close(number)
@@ -80,5 +82,5 @@ def _refuse(cause: OSError) -> NoReturn:
     Raises:
         MethodError: Always.
     """
-    words = f"expected files of a saved decomposition, got {printable(str(cause.filename))}: {cause.strerror}"
+    words = f"expected files of a method, got {printable(str(cause.filename))}: {cause.strerror}"
     raise MethodError(words) from None

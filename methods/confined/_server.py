@@ -35,6 +35,8 @@ from graycard.methods._priors import Question
 from graycard.methods._registry import load_method, settings_of
 from graycard.methods._resumed import resumed_time
 from graycard.methods._seeds import seed_everything
+from graycard.methods.confined._frames import places_of_code
+from graycard.methods.confined._program import run_program
 from graycard.methods.confined._wire import (
     Arrays,
     Parcel,
@@ -71,7 +73,16 @@ def serve(channel: Channel) -> None:
     warnings.filterwarnings(
         "ignore", "Could not obtain multiprocessing lock"
     )  # Numba's, for want of /dev/shm
-    server = _Server(channel)
+    answer_all(Server(channel))
+
+
+def answer_all(server: "Server") -> None:
+    """Do what is asked until the other side closes the channel.
+
+    Raises:
+        ChannelError: It has.
+    """
+    channel = server.channel
     while True:
         request = channel.receive()
         try:
@@ -79,16 +90,18 @@ def serve(channel: Channel) -> None:
         except ChannelError:
             raise
         except BaseException as error:
-            channel.send(Message("error", error_out(error)))
+            channel.send(Message("error", error_out(error, server.own)))
         else:
             channel.send(Message("done", done.data, done.arrays))
 
 
 @dataclass(eq=False)
-class _Server:
+class Server:
     """The decompositions that a method has made so far."""
 
     channel: Channel
+    own: tuple[str, ...] = ()
+    """Files and folders of the method's code."""
     made: dict[int, Decomposition] = field(default_factory=dict)
     count: int = 0
     told_s: float = 0.0
@@ -108,11 +121,25 @@ class _Server:
 
     def do_call(self, data: Any, arrays: Arrays) -> Parcel:
         """Call a function with JSON data, and return what it gives."""
+        self.own = places_of_code(data["method"])
         module, _, name = data["function"].partition(":")
         return Parcel(getattr(import_module(module), name)(**data["arguments"]))
 
+    def do_run(self, data: Any, arrays: Arrays) -> Parcel:
+        """Run a program, and say how it ended."""
+        ran = run_program(
+            data["command"],
+            Path(data["folder"]),
+            Path(data["logs"]),
+            data["variables"],
+            data["timeout_s"],
+            lambda line: self.progress(0.0, line),
+        )
+        return Parcel(to_builtins(ran))
+
     def do_load(self, data: Any, arrays: Arrays) -> Parcel:
         """Import a method, and say what it needs."""
+        self.own = places_of_code(data["method"])
         method = load_method(data["method"])
         settings = settings_of(method, data["settings"])
         asks = [{"kind": ask.kind, "of": ask.of, "optional": ask.optional} for ask in asks_of(method)]
@@ -143,10 +170,10 @@ class _Server:
         capture = open_capture(Path(data["capture"]), check=False)
         priors = priors_in(data["priors"], arrays, _Asked(self.channel))
         with resumed_time() as resumed:
-            found = method.fit(capture, priors, settings, data["seed"], self._progress)
+            found = method.fit(capture, priors, settings, data["seed"], self.progress)
         check_decomposition(data["label"], found)
         spent = {"resumed_s": resumed.seconds, "resumed_mib": resumed.peak_mib}
-        return Parcel({**self._kept(found), **spent})
+        return Parcel({**self.kept(found), **spent})
 
     def do_render(self, data: Any, arrays: Arrays) -> Parcel:
         """Render layers."""
@@ -170,18 +197,18 @@ class _Server:
     def do_relight(self, data: Any, arrays: Arrays) -> Parcel:
         """Exchange the lights."""
         found: Any = self.made[data["number"]]
-        return Parcel(self._kept(found.relight(lights_in(data["lights"]))))
+        return Parcel(self.kept(found.relight(lights_in(data["lights"]))))
 
     def do_compose(self, data: Any, arrays: Arrays) -> Parcel:
         """Put an object in."""
         found: Any = self.made[data["number"]]
         composition = from_builtins(Composition, data["composition"])
-        return Parcel(self._kept(found.compose(composition, self._guest(data["guest"], arrays))))
+        return Parcel(self.kept(found.compose(composition, self._guest(data["guest"], arrays))))
 
     def do_remove(self, data: Any, arrays: Arrays) -> Parcel:
         """Take an object away."""
         found: Any = self.made[data["number"]]
-        return Parcel(self._kept(found.remove(data["object"])))
+        return Parcel(self.kept(found.remove(data["object"])))
 
     def do_counts(self, data: Any, arrays: Arrays) -> Parcel:
         """Count the work that a picture takes."""
@@ -200,7 +227,7 @@ class _Server:
         cameras = {name: camera_in(camera) for name, camera in data["cameras"].items()}
         return Guest(self.made[data["number"]], cameras, {name: arrays[name] for name in cameras})
 
-    def _kept(self, found: Any) -> dict[str, Any]:
+    def kept(self, found: Any) -> dict[str, Any]:
         """Keep a decomposition, and say what it can do; the number of one that is not provided is None."""
         if found is None:
             return {"number": None}
@@ -209,7 +236,8 @@ class _Server:
         able = [verb for verb, protocol in _ABLE.items() if isinstance(found, protocol)]
         return {"number": self.count, "provides": sorted(map(str, found.provides)), "able": able}
 
-    def _progress(self, done: float, doing: str, /) -> None:
+    def progress(self, done: float, doing: str, /) -> None:
+        """Tell of progress, not too often."""
         if time.monotonic() >= self.told_s:
             self.told_s = time.monotonic() + OFTEN_S
             self.channel.send(Message("progress", [float(done), text_out(str(doing))]))

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lights, cameras, priors and guests as JSON and arrays, and strictly back."""
 
-import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from graycard.lights import light_from_json, light_to_json
 from graycard.methods._blame import words_of
 from graycard.methods._contract import Composed, Priors, Relit
 from graycard.methods._priors import Ask, ImageKind, Lamp, PriorModel, Question
+from graycard.methods.confined._frames import own_trace
 from graycard.methods.priors import UnloadedNetwork
 
 _LONGEST = 20_000
@@ -173,12 +173,17 @@ class CodeOfOthersError(Exception):
         return f"\n{self.args[0]}"
 
 
-def error_out(error: BaseException) -> dict[str, str]:
-    """Return an error as JSON data, with the traceback of its cause where that is not graycard's."""
+def error_out(error: BaseException, own: Sequence[str] = ()) -> dict[str, str]:
+    """Return an error as JSON data, with the traceback of its cause where that is not graycard's.
+
+    Args:
+        error: What was raised.
+        own: Files and folders of the method's code: the traceback shows their lines alone, if there are any.
+    """
     known = isinstance(error, GraycardError)
     words = words_of(error) if known else f"{type(error).__name__}: {words_of(error)}"
     foreign = error.__cause__ if known else error
-    trace = "" if isinstance(foreign, GraycardError | None) else "".join(traceback.format_exception(foreign))
+    trace = "" if isinstance(foreign, GraycardError | None) else own_trace(foreign, own)
     return {"error": type(error).__name__, "words": words, "trace": text_out(trace)}
 
 

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import torch
 
-from conftest import write_scene
 from graycard import MethodError, methods, open_capture, open_truth, srgb_encode
 from graycard.benchmarks.speed._machine import Patience, time_calls
 from graycard.benchmarks.speed.engine._calls import memory_of, scene_of, time_both
@@ -29,6 +28,7 @@ from graycard.benchmarks.speed.engine._step import LOSSES, _fit, measure_steps
 from graycard.io import silent
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import device_of, on_device, rasterize, state_on, train_step
+from graycard.tiny import write_tiny_scene
 from sparse_points import with_points
 
 PATIENCE = Patience(3, 0.1, 2.0)
@@ -132,7 +132,7 @@ def large() -> None:
 
 
 def _large(name: str, size: int, count: int, steps: int) -> Row:
-    scene = write_scene(Path(tempfile.mkdtemp()), train=6, test=1, size=(size, size))
+    scene = write_tiny_scene(Path(tempfile.mkdtemp()), train=6, test=1, size=(size, size))
     capture = with_points(scene, spacing=max(1, round((6 * size**2 / count) ** 0.5)))
     chosen = methods.settings_of(
         methods.load_method(name),

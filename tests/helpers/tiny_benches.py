@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from graycard import Progress
 from graycard.benchmarks import _runner
 from graycard.benchmarks._jobs import RenderJob
 from graycard.io import peak_memory_mib, read_manifest, to_builtins, write_manifest
-from graycard.methods.confined import serve
 from graycard.processes import AUDIT_HOOK, Channel, ChannelError, Outcome
 from graycard.synth import SceneSpec, scene_name
 from graycard.synth.families import resolved_knobs
@@ -126,7 +126,7 @@ def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., P
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         patch.setenv(name, "1")  # fits set them
     patch.setattr(_runner, "run_all", _run_here)
-    patch.setattr("graycard.methods.confined._client.started", _Here)
+    served_here(patch)
     asked: list[str] = []
 
     def find(job: RenderJob) -> Outcome:
@@ -142,12 +142,19 @@ def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., P
     return asked
 
 
+def served_here(patch: pytest.MonkeyPatch) -> None:
+    """Let threads of this process do what confined processes do otherwise."""
+    patch.setattr("graycard.methods.confined._start.started", _Here)
+
+
 class _Here:
     """A thread in the place of a confined process, which would take ten times as long as the fit itself."""
 
     guard = AUDIT_HOOK
 
-    def __init__(self, *_: object) -> None:
+    def __init__(self, served: str) -> None:
+        module, _, name = served.partition(":")
+        self.served: Callable[[Channel], None] = getattr(import_module(module), name)
         ours, theirs = socket.socketpair()
         self.channel = Channel(ours)
         self.thread = threading.Thread(target=self._serve, args=(Channel(theirs),), daemon=True)
@@ -155,7 +162,7 @@ class _Here:
 
     def _serve(self, channel: Channel) -> None:
         with suppress(ChannelError):
-            serve(channel)
+            self.served(channel)
         channel.close()
 
     def confine(self, *_: object) -> None:

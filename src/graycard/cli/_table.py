@@ -93,6 +93,22 @@ VERBS = (
         example="graycard fit gray data/dark/corridor-1234 --out mine",
     ),
     Verb(
+        name="new-method",
+        group="methods",
+        module="kit",
+        command="NewMethodCommand",
+        help="Begin a method of your own: a package with tests and CI",
+        example="graycard new-method my_method --one-file",
+    ),
+    Verb(
+        name="test-method",
+        group="methods",
+        module="kit",
+        command="TestMethodCommand",
+        help="Check the contract of a method in seconds; name each fault",
+        example="graycard test-method gray",
+    ),
+    Verb(
         name="score",
         group="scores",
         module="_scores",

@@ -328,6 +328,9 @@ class StandingWorker:
         """End its process, with a job that it is at."""
         self._pool.end()
 
+    close = end
+    """As :func:`contextlib.closing` calls it."""
+
 
 def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Worker:
     """Start a worker, and tell it what its work is.
