@@ -49,7 +49,7 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
     assert tracks == (set(TRACKS) if "-" not in name else {of_one})
     for scene in suite.scenes:
         is_tuning = scene.seed >= 1000  # such scenes judge nothing
-        assert is_tuning == (name.startswith(("noise-", "convergence-")) or name.endswith("-hd"))
+        assert is_tuning == (name.startswith(("noise-", "convergence-", "paper-")) or name.endswith("-hd"))
         settings = suite.render_of(scene)
         assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
 
