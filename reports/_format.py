@@ -12,7 +12,7 @@ _DEFAULT_DECIMALS = 2
 def format_value(value: float, unit: str) -> str:
     """A score as text, with the decimals of its unit, so that a column of one unit aligns.
 
-    Example:
+    Examples:
         >>> format_value(31.456, "dB"), format_value(math.inf, "dB"), format_value(-0.5, "1")
         ('31.46', '∞', '−0.500')
     """
@@ -28,7 +28,7 @@ def format_value(value: float, unit: str) -> str:
 def format_number(value: float) -> str:
     """A number of any size with three significant digits.
 
-    Example:
+    Examples:
         >>> format_number(0.012345), format_number(-4.0)
         ('0.0123', '−4')
     """
@@ -38,7 +38,7 @@ def format_number(value: float) -> str:
 def format_p(p: float) -> str:
     """A p value with as many digits as a reader uses.
 
-    Example:
+    Examples:
         >>> format_p(0.0234), format_p(0.00012)
         ('p = 0.023', 'p < 0.001')
     """
@@ -53,7 +53,7 @@ def format_vector(values: Iterable[float]) -> str:
 def format_seconds(seconds: float) -> str:
     """A duration in the unit that fits.
 
-    Example:
+    Examples:
         >>> format_seconds(4.2), format_seconds(75), format_seconds(3700)
         ('4.2 s', '1 min 15 s', '1 h 1 min')
     """

@@ -64,7 +64,7 @@ def scale_invariant_rmse(predicted: np.ndarray, true: np.ndarray) -> float:
         predicted: p, shape ``(N, 3)``, linear radiance; not black.
         true: t, shape ``(N, 3)``, in the unit of the result.
 
-    Example:
+    Examples:
         >>> scale_invariant_rmse(np.array([[1.0, 0, 0]]), np.array([[2.0, 0.5, 0]]))
         0.5
     """

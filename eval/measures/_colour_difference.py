@@ -21,7 +21,7 @@ def lab(linear: np.ndarray) -> np.ndarray:
     Formula: CIE 15:2018, equations 8.1 to 8.5. A reflectance needs no clipping: above 1 it is brighter
     than white, below 0 it lies on the straight part of the curve.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> [round(x, 6) + 0.0 for x in lab(np.full(3, 0.18)).tolist()]
         [49.496108, 0.0, 0.0]

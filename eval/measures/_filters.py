@@ -20,7 +20,7 @@ def separable(image: np.ndarray, down: np.ndarray, across: np.ndarray) -> np.nda
     Raises:
         ValueError: A filter has no middle.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> separable(np.eye(3), np.ones(1), np.array([0, 0, 1])).tolist()
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]

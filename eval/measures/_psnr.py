@@ -23,7 +23,7 @@ def mean_square_error(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray)
     Raises:
         ValueError: The shapes differ, or the mask is empty.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> mean_square_error(np.zeros((2, 2, 3)), np.full((2, 2, 3), 0.1), np.eye(2) > 0)
         0.01...
@@ -37,7 +37,7 @@ def psnr(mean_square: float) -> float:
 
     Domain: [0, ∞). Range: (-∞, +∞]; +∞ for no error.
 
-    Example:
+    Examples:
         >>> psnr(0.01), psnr(0.0)
         (20.0, inf)
     """

@@ -13,7 +13,7 @@ WINDOW = 11
 def interior(mask: np.ndarray) -> np.ndarray:
     """Return the pixels whose SSIM window lies in the mask and in the image, shape ``(H, W)``, bool.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> int(interior(np.ones((13, 12), bool)).sum())
         6

@@ -46,7 +46,7 @@ def window_ssim(predicted: np.ndarray, true: np.ndarray, window: Window) -> floa
     Raises:
         DatasetError: The pictures are smaller than the window.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> window_ssim(np.ones((16, 16, 3)), np.ones((16, 16, 3)), Window())
         1.0

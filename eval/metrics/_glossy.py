@@ -42,7 +42,7 @@ def overlap(predicted: np.ndarray, true: np.ndarray) -> float:
     Raises:
         ValueError: Both are empty.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> overlap(np.array([True, True, True, False]), np.array([False, True, True, True]))
         0.5

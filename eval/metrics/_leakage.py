@@ -78,7 +78,7 @@ def median_slope(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: n
         low: Index of one pixel of each pair.
         high: Index of the other, with other light.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> light = np.linspace(-2, 0, 101)
         >>> round(median_slope(0.3 * light, light, *partners(light)), 6)

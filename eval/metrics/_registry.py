@@ -63,7 +63,7 @@ def find_metric(name: str) -> Metric[Any]:
     Raises:
         UnknownNameError: There is none.
 
-    Example:
+    Examples:
         >>> find_metric("albedo.psnr.channel").gauge
         'channel'
     """

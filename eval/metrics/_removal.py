@@ -68,7 +68,7 @@ def residual_energy(
     Raises:
         ValueError: The object changes nothing in the region.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> dark, lit = np.full((2, 2, 3), 0.2), np.full((2, 2, 3), 0.6)
         >>> round(residual_energy(dark + 0.1, dark, lit, np.ones((2, 2), bool)), 3)

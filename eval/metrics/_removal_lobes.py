@@ -79,7 +79,7 @@ def residual_share(sums: np.ndarray) -> float:
     Args:
         sums: Of :func:`effect_sums`, shape ``(5,)``; of effects that :func:`are_apart`.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> shadow, mirrored = np.array([-0.2, -0.2, 0.0]), np.array([0.0, 0.1, 0.1])
         >>> round(residual_share(effect_sums(shadow + 0.25 * mirrored, mirrored, shadow)), 3)

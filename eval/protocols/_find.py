@@ -29,7 +29,7 @@ def find_protocols(name: str) -> tuple[Protocol, ...]:
     Raises:
         UnknownNameError: There is none, or none of that version any more.
 
-    Example:
+    Examples:
         >>> [p.id for p in find_protocols("gs-ir")]
         ['gs-ir-2']
     """

@@ -72,7 +72,7 @@ def fit_gauge(views: Iterable[LinearMoments], kind: Kind, layer: str = "base_col
 def apply_gauge(values: np.ndarray, gauge: tuple[float, ...]) -> np.ndarray:
     """Return the image with each channel times its factor, shape ``(H, W, 3)``, linear, float64.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> apply_gauge(np.ones((1, 1, 3)), (2.0, 1.0, 0.5)).tolist()
         [[[2.0, 1.0, 0.5]]]

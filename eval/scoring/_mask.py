@@ -13,7 +13,7 @@ def judged_mask(object_id: np.ndarray, left_out: Set[int] = frozenset()) -> np.n
         object_id: shape ``(H, W)``, integer, from the truth; 0 is where nothing is seen.
         left_out: Ids that are not judged (for base colour: the surfaces of lights).
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> judged_mask(np.array([[0, 1, 2]]), {2}).tolist()
         [[False, True, False]]
@@ -53,7 +53,7 @@ def box_around(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
 
     What a filter says inside the mask is the same in the box, if the margin is not less than its reach.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> box_around(np.eye(9)[::-1] * np.arange(9) > 7, 2)
         (slice(0, 3, None), slice(6, 11, None))

@@ -39,7 +39,7 @@ def mean_interval(values: Sequence[float] | np.ndarray, level: float = LEVEL) ->
     Raises:
         ValueError: The level is not between 0 and 1.
 
-    Example:
+    Examples:
         >>> mean_interval([1.0, 1.0, 1.0])
         (1.0, 1.0)
         >>> mean_interval([1.0, 2.0]) is None

@@ -37,7 +37,7 @@ def locate(values: Sequence[float] | np.ndarray, level: float = LEVEL) -> Locati
     Raises:
         ValueError: There is no value, one is not finite, or the level is not between 0 and 1.
 
-    Example:
+    Examples:
         >>> locate([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
         Location(estimate=3.5, interval=(1.0, 6.0))
     """
@@ -78,7 +78,7 @@ def location_p(values: Sequence[float] | np.ndarray) -> float:
     Args:
         values: One for each scene, finite; one or more.
 
-    Example:
+    Examples:
         >>> location_p([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
         0.03125
     """
@@ -91,7 +91,7 @@ def location_p(values: Sequence[float] | np.ndarray) -> float:
 def least_level(count: int) -> float:
     """Return the highest level at which so many values have an interval.
 
-    Example:
+    Examples:
         >>> least_level(6)
         0.96875
     """

@@ -56,7 +56,7 @@ def rank_limit(count: int, level: float) -> int:
 
     So many of the mean of every two values, sorted, lie outside of the interval on each side.
 
-    Example:
+    Examples:
         >>> rank_limit(6, 0.95), rank_limit(5, 0.95)
         (0, -1)
     """

@@ -15,7 +15,7 @@ def rank_groups(ordered: Sequence[str], better: Callable[[str, str], bool]) -> d
         ordered: Methods, the best mean first.
         better: Whether the first is told to be better than the second.
 
-    Example:
+    Examples:
         >>> rank_groups(["a", "b", "c"], lambda first, second: (first, second) == ("a", "c"))
         {'a': 1, 'b': 1, 'c': 2}
     """

@@ -45,7 +45,7 @@ def sequential_level(looks: Sequence[int], error: float = ERROR) -> float:
         ValueError: There is no look, one is below 1, they do not rise, the error is out of range, or so few
             scenes cannot decide anything.
 
-    Example:
+    Examples:
         >>> round(sequential_level([8]), 3) >= 0.95
         True
     """

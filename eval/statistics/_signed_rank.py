@@ -23,7 +23,7 @@ def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
     Raises:
         ValueError: A difference is not a number.
 
-    Example:
+    Examples:
         >>> signed_rank_p([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
         0.03125
     """
@@ -50,7 +50,7 @@ def least_scenes(level: float, pairs: int = 1) -> int:
     Raises:
         ValueError: The level is not between 0 and 1, or there is no pair.
 
-    Example:
+    Examples:
         >>> least_scenes(0.95), least_scenes(0.95, pairs=21)
         (6, 10)
     """
@@ -68,7 +68,7 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
     Args:
         p_values: One for each pair; None for one that was not tested, which stays None and does not count.
 
-    Example:
+    Examples:
         >>> holm([0.01, None, 0.04, 0.03])
         [0.03, None, 0.06, 0.06]
     """

@@ -58,7 +58,7 @@ def lamp_map(
 def light_evaluations(width: int, height: int, side: int) -> int:
     """Return how often :func:`lamp_map` evaluates the lamp's network for a picture: once a tile.
 
-    Example:
+    Examples:
         >>> light_evaluations(112, 112, 2), light_evaluations(112, 112, 3)
         (3136, 1444)
     """
@@ -76,7 +76,7 @@ def tile_middles(length: int, side: int) -> torch.Tensor:
     Returns:
         Shape ``(ceil(length / side),)``, rising; halves where a tile has an even number of pixels.
 
-    Example:
+    Examples:
         >>> tile_middles(7, 2), tile_middles(7, 3)
         (tensor([0.5000, 2.5000, 4.5000, 6.0000]), tensor([1., 4., 6.]))
     """

@@ -18,7 +18,7 @@ def angles(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     Raises:
         ValueError: The shapes differ or are no vectors.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> angles(np.array([[0, 0, 2.0], [0, 1, 0], [0, 0, 0]]), np.array([[0, 0, 1.0]] * 3)).tolist()
         [0.0, 90.0, 90.0]

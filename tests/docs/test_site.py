@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from docs_of_reference import API
+from docs_of_reference import API, offers
 from prose import ROOT, pages
 
 pytest.importorskip("mkdocs", reason="needs mkdocs (`pip install -e '.[docs]'`)")
@@ -49,7 +49,9 @@ def test_the_reference_of_code_is_in_the_site(site: Path):
     assert "--until-decided" in (site / "reference/commands.html").read_text(encoding="utf-8")
     assert "--clearing" in (site / "reference/settings.html").read_text(encoding="utf-8")
     for module in API:
-        assert f"{module}." in (site / f"reference/python/{module}.html").read_text(encoding="utf-8"), module
+        page = (site / f"reference/python/{module}.html").read_text(encoding="utf-8")
+        assert [path for path in offers(module) if f'id="{path}"' not in page] == [], module
+    assert 'id="graycard.lights.PointLight"' in (site / "reference/python/graycard.lights.html").read_text()
 
 
 def test_the_site_opens_offline(site: Path):

@@ -4,11 +4,14 @@
 ``make docs`` writes those that are kept. ``make site`` adds the rest: commands, settings and the Python API.
 """
 
+import ast
 import contextlib
 import io
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from docs_pictures import file_of_layer
@@ -158,8 +161,44 @@ def settings_page() -> str:
 
 
 def api_page(module: str, title: str) -> str:
-    """Return the page of a public module, which mkdocstrings fills in."""
-    return f"# {title}: `{module}`\n\n::: {module}\n"
+    """Return the page of a public module, which mkdocstrings fills in: its own names, or those it offers."""
+    offered = offers(module)
+    parts = [f"# {title}: `{module}`\n", _entry(module, members="false")] if offered else []
+    parts += [_entry(path, show_root_heading="true", heading_level="2") for path in offered]
+    return "\n".join(parts) or f"# {title}: `{module}`\n\n::: {module}\n"
+
+
+def offers(module: str) -> list[str]:
+    """Return where the classes and functions are defined that a door offers, in order of their names.
+
+    Those of another public module stand on the page of that one.
+    """
+    found = {
+        alias.name: f"{node.module}.{alias.name}"
+        for node in _body_of(module)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+        if alias.asname == alias.name and node.module not in API and _defines(str(node.module), alias.name)
+    }
+    return [found[name] for name in sorted(found, key=str.lower)]
+
+
+@cache
+def _body_of(module: str) -> list[ast.stmt]:
+    spec = find_spec(module)
+    assert spec is not None
+    return ast.parse(Path(str(spec.origin)).read_text(encoding="utf-8")).body
+
+
+def _defines(module: str, name: str) -> bool:
+    kinds = (ast.ClassDef, ast.FunctionDef)
+    return any(isinstance(node, kinds) and node.name == name for node in _body_of(module))
+
+
+def _entry(path: str, **options: str) -> str:
+    """Return a directive of mkdocstrings."""
+    lines = [f"      {name}: {value}\n" for name, value in options.items()]
+    return f"::: {path}\n    options:\n{''.join(lines)}"
 
 
 def site_pages() -> Iterator[tuple[str, str]]:

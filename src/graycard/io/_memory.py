@@ -34,7 +34,7 @@ def keep_freed_memory() -> bool:
 def blocks(count: int) -> Iterator[slice]:
     """Slices of a long array, for work on each number whose steps shall stay in the cache.
 
-    Example:
+    Examples:
         >>> [(b.start, b.stop) for b in blocks(20000)]
         [(0, 16384), (16384, 20000)]
     """

@@ -38,7 +38,7 @@ def glossy_mask(object_id: np.ndarray, roughness: np.ndarray, f0: np.ndarray) ->
     Returns:
         Shape ``(H, W)``, float32: 1 where it is so, else 0.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> glossy_mask(np.array([[1, 1, 0]]), np.array([[0.2, 0.5, 0.2]]), np.full((1, 3, 3), 0.04)).tolist()
         [[1.0, 0.0, 0.0]]

@@ -24,7 +24,7 @@ def with_sums(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     Args:
         layers: By name, each ``(H, W)`` or ``(H, W, 3)``.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> sorted(with_sums({"direct.diffuse.a": np.ones(1), "direct.diffuse.b": np.ones(1)}))
         ['direct.diffuse', 'direct.diffuse.a', 'direct.diffuse.b']
@@ -51,7 +51,7 @@ def _added(layers: Mapping[str, np.ndarray], sums: Mapping[str, Sequence[str]]) 
 def lights_of(part: str, layers: Iterable[str]) -> list[str]:
     """Names of the lights that have a layer ``<part>.<light>`` among these names.
 
-    Example:
+    Examples:
         >>> lights_of("radiance", ["radiance", "radiance.var", "radiance.lamp"])
         ['lamp']
     """
