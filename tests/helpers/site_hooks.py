@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hooks of mkdocs: add the pages that exist in the site alone (see mkdocs.yml)."""
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 
 
+ROLE = re.compile(r":(?:attr|class|data|exc|func|meth|mod):(?=<code)")
+"""Role before a name, as in ``:func:`x```."""
 SECTIONS = {
     "tutorials": "Tutorials",
     "how-to": "How-to",
@@ -34,6 +37,11 @@ def on_config(config: Any) -> Any:
     pages = [{title: f"reference/python/{module}.md"} for module, title in API.items()]
     _section(_section(config.nav, "Reference"), "Python", pages)
     return config
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Drop the roles of names in docstrings: the site shows code in the place of a reference."""
+    return ROLE.sub("", html)
 
 
 def _pages(nav: Any) -> Iterator[str]:
