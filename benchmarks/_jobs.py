@@ -108,7 +108,7 @@ class FitJob:
     allowed: tuple[Path, ...] = ()
     """Files and folders that the method may read and change besides."""
     command: Command | None = None
-    """What is run in place of a fit."""
+    """Command that is run in place of a fit."""
 
     @property
     def words(self) -> str:

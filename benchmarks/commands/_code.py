@@ -29,7 +29,7 @@ class Interpreter:
     readable: tuple[Path, ...]
     """Its environment, and the installation that this was made from."""
     version: str = ""
-    """As its environment tells; empty where it tells none."""
+    """Version by its environment; empty where it tells none."""
 
     @property
     def variables(self) -> dict[str, str]:
@@ -43,7 +43,7 @@ class Code:
     """Files of the code of a command."""
 
     folder: Path
-    """Where they lie."""
+    """Folder of them."""
     files: dict[str, str]
     """SHA-256 of each by its path in that folder."""
     named: tuple[str, ...]

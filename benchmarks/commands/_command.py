@@ -26,18 +26,18 @@ class Command:
     """A command, as a row of a suite has it; without ``run`` there is none."""
 
     run: str = ""
-    """What is run, as ``python infer.py {capture} {out}``: no shell reads it. ``{capture}`` is a folder with
+    """Command, as ``python infer.py {capture} {out}``: no shell reads it. ``{capture}`` is a folder with
     the capture, ``{out}`` an empty one for predictions, ``{seed}`` the seed, ``{name}`` a setting."""
     python: str = ""
     """Interpreter that stands for ``python``, as ``/envs/theirs/bin/python``; graycard's own if empty."""
     setup: str = ""
-    """What is run before the clock does, without ``{capture}`` and ``{out}``: to build code, say."""
+    """Command that runs before the clock does, without ``{capture}`` and ``{out}``: to build code, say."""
     timeout: float | None = None
     """Seconds after which the command has failed; None: those of the bench."""
     environment: Mapping[str, str] = field(default_factory=dict)
     """Environment variables besides."""
     folder: str = ""
-    """Where its code lies, relative to where graycard runs; there if empty."""
+    """Folder of its code, relative to where graycard runs; there if empty."""
     code: tuple[str, ...] = ()
     """Files and folders of its code in ``folder``, besides those that ``run`` names. A copy of them is run,
     and they are hashed."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a command is handed, and its outputs as predictions of the scene."""
+"""Inputs of a command, and its outputs as predictions of the scene."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -120,7 +120,7 @@ class Fault:
     name: str
     """One of :data:`KINDS`."""
     found: str = ""
-    """What was found, with the layer."""
+    """Finding, with the layer."""
     trace: str = ""
     """Traceback, cut to lines of the method; empty where nothing was raised."""
 

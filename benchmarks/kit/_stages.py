@@ -66,7 +66,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a stage found."""
+    """Findings of a stage."""
 
     faults: tuple[Fault, ...] = ()
     refused: str = ""
@@ -282,7 +282,7 @@ def _staged(trial: Trial, stage: Callable[[_Course], Result]) -> Outcome:
 
 @contextmanager
 def _process(trial: Trial, *readable: Path) -> Iterator[ProbedMethod]:
-    """A process for the method's code, to which the truth is closed."""
+    """Return a process for the method's code, to which the truth is closed."""
     with scratch_folder() as scratch:
         more = (*readable, *([trial.saved] if trial.saved.is_dir() else []))
         places = places_of(scratch, [trial.scene], trial.settings, allowed=trial.allowed, readable=more)

@@ -49,7 +49,7 @@ class Probe(Server):
     scratch: str = os.sep
     """Folder that the method may write to."""
     stops: bool = False
-    """Whether the next call of progress is told to stop."""
+    """True if the next call of progress is told to stop."""
 
     def note(self, kind: str, what: str = "", number: float = 0.0) -> None:
         """Keep a fact, each once."""

@@ -329,7 +329,7 @@ class StandingWorker:
         self._pool.end()
 
     close = end
-    """As :func:`contextlib.closing` calls it."""
+    """End, as :func:`contextlib.closing` asks for it."""
 
 
 def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Worker:

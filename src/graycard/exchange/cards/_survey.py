@@ -58,7 +58,7 @@ class Publication:
     """Facts that only the one who publishes a dataset knows."""
 
     license: str = "Apache-2.0"
-    """Of the data: a name of SPDX, or an address."""
+    """Licence of the data: a name of SPDX, or an address."""
     url: str = "https://example.org/"
     """Address where people find the data."""
     date: str = ""
