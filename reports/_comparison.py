@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pictures of a scene: the truth, what each method says instead, and where that is wrong."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from graycard import View
 from graycard.reports._evidence import MethodEvidence, SceneEvidence
 from graycard.reports.pictures._changed_pictures import changed_rows
 from graycard.reports.pictures._layer_rows import LayerRow, judged_layer, layer_row
-from graycard.reports.pictures._pictures import PagePicture, linear_picture, shrink
+from graycard.reports.pictures._pictures import PagePicture, light_picture, shrink
 
 SHOWN_LAYERS = ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")
 """Shown of every scene that has them; after them what else a competing method hands in."""
@@ -34,12 +34,6 @@ class Gallery:
 
     thumbnails: tuple[PagePicture, ...]
     views: tuple[ViewPictures, ...]
-
-    def pictures(self) -> Iterator[PagePicture]:
-        """The pictures of light and layers, colour bars and errors left out."""
-        yield from self.thumbnails
-        tiles = (t for view in self.views for row in view.rows for t in (row.truth, *row.predictions))
-        yield from (tile.picture for tile in tiles if tile.picture)
 
 
 def build_gallery(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Gallery:
@@ -77,7 +71,7 @@ def _is_value(name: str) -> bool:
 
 def _thumbnail(scene: SceneEvidence, view: View) -> PagePicture:
     small = shrink(scene.capture.photograph(view), THUMBNAIL_SIDE)
-    return linear_picture(small * scene.capture.exposure, f"training photograph {view.name}")
+    return light_picture(small * scene.capture.exposure, f"training photograph {view.name}")
 
 
 def _spread(views: Sequence[View], most: int) -> list[View]:

@@ -11,9 +11,11 @@ from graycard.reports._claims import ClaimsSection, claims_section
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
 from graycard.reports._priors import PriorBadge, prior_badges
-from graycard.reports._scene_section import SceneSection, scene_section
+from graycard.reports._scene_section import FoundPictures, SceneSection, scene_section
 from graycard.reports._tracks import headline_of, words_of
-from graycard.reports.pictures._pictures import KNEE, LEVELS, STEP
+from graycard.reports.opening._strips import Opening, open_track
+from graycard.reports.parts._kept import Kept
+from graycard.reports.tables._by_scene import SceneTable, scene_tables
 from graycard.reports.tables._compared import Compared, compare_track
 from graycard.reports.tables._summary import SummaryRow, summary_rows
 from graycard.reports.tables._tables import (
@@ -36,7 +38,11 @@ class TrackSection:
     name: str
     about: str
     counted: str
+    opening: Opening | None
+    """None where no competing method leads in anything."""
     board: Leaderboard
+    by_scene: tuple[SceneTable, ...]
+    """Metrics of the leaderboard."""
     compared: Compared
     rows: tuple[MetricRow, ...]
     silent: str
@@ -74,10 +80,8 @@ class Page:
     facts: tuple[FactGroup, ...]
     jobs: tuple[JobRow, ...]
     hashes: tuple[SceneHash, ...]
-    knee: float
-    step: float
-    levels: int
-    """Of the codes of linear light."""
+    variants: int
+    """Number of rows that are a method with settings of its own."""
 
 
 def build_page(
@@ -85,6 +89,7 @@ def build_page(
     run: Path,
     pictures: Collection[str] | None = None,
     comparison: Comparison | None = None,
+    kept: Kept | None = None,
 ) -> Page:
     """Return the content of the report of a run; reads the folders that the record names.
 
@@ -93,11 +98,13 @@ def build_page(
         run: Its folder.
         pictures: Names of the methods whose pictures are embedded; None for all.
         comparison: Of its methods; None for that in the folder.
+        kept: Pictures of a page that was made before; None to read the folders.
     """
     comparison, fault = (comparison, "") if comparison else _read_comparison(run)
     names = dict.fromkeys([s.track for s in record.scenes] + [r.job.track for r in record.results])
     tracks = tuple(
-        _track(record, comparison, run, name, f"track-{i + 1}", pictures) for i, name in enumerate(names)
+        _track(record, run, name, f"track-{i + 1}", _Sources(comparison, pictures, kept or {}))
+        for i, name in enumerate(names)
     )
     above = comparison.above_ceiling if comparison else ()
     handed = sum(bool(score.handed) for score in above)
@@ -129,9 +136,7 @@ def build_page(
         facts=fact_groups(record),
         jobs=job_rows(record),
         hashes=scene_hashes(record),
-        knee=KNEE,
-        step=STEP,
-        levels=LEVELS,
+        variants=len({m.name for track in tracks for m in track.board.methods if m.variant_of}),
     )
 
 
@@ -144,33 +149,55 @@ def _read_comparison(run: Path) -> tuple[Comparison | None, str]:
     return found, "" if found else f"the run has no {COMPARISON}; `graycard bench` writes it"
 
 
-def _track(
-    record: RunRecord,
-    comparison: Comparison | None,
-    run: Path,
-    name: str,
-    anchor: str,
-    pictures: Collection[str] | None,
-) -> TrackSection:
+@dataclass(frozen=True, slots=True)
+class _Sources:
+    """What a page is made from beside its run."""
+
+    comparison: Comparison | None
+    pictures: Collection[str] | None
+    """Names of methods."""
+    kept: Kept
+
+
+def _track(record: RunRecord, run: Path, name: str, anchor: str, sources: _Sources) -> TrackSection:
     results = [r for r in record.results if r.job.track == name]
     metrics = metrics_of(record, results)
-    compared = compare_track(comparison, record, name, metrics)
+    compared = compare_track(sources.comparison, record, name, metrics)
     board = leaderboard(record, results, headline_of(name, metrics), compared)
     rows, silent = told_rows(metric_rows(results, board.methods, metrics))
-    scenes = [s for s in record.scenes if s.track == name]
     seeds = len({r.job.seed for r in results})
+    scenes = tuple(
+        scene_section(
+            run,
+            scene,
+            results,
+            board.methods,
+            metrics,
+            f"{anchor}-scene-{i}",
+            shown=sources.pictures,
+            kept=_kept(sources.kept, name, scene.scene),
+        )
+        for i, scene in enumerate((s for s in record.scenes if s.track == name), 1)
+    )
+    told = {head.id for head in board.metrics}
     return TrackSection(
         anchor=anchor,
         name=name,
         about=words_of(name).about,
         counted=count(len(scenes), "scene") + (f" × {count(seeds, 'seed')}" if seeds > 1 else ""),
+        opening=open_track(name, results, metrics, compared, scenes, record.variants_on(name)),
         board=board,
+        by_scene=scene_tables(
+            results, [s.name for s in scenes], board.methods, [m for m in metrics if m.id in told]
+        ),
         compared=compared,
         rows=rows,
         silent=silent,
         failures=failures(results, metrics),
-        scenes=tuple(
-            scene_section(run, scene, results, board.methods, metrics, f"{anchor}-scene-{i}", shown=pictures)
-            for i, scene in enumerate(scenes, 1)
-        ),
+        scenes=scenes,
     )
+
+
+def _kept(kept: Kept, track: str, scene: str) -> FoundPictures | None:
+    found = kept.get((track, scene))
+    return (found.pictures, found.reason, found.faults) if found else None

@@ -37,7 +37,7 @@ class ScenePictures:
 
     description: str
     settings: tuple[tuple[str, str], ...]
-    methods: tuple[MethodHead, ...]
+    methods: tuple[str, ...]
     """Those whose pictures are embedded."""
     views: int
     """Number of test views, of which some are embedded."""
@@ -79,6 +79,10 @@ class SceneSection:
     warnings: tuple[Trouble, ...]
 
 
+FoundPictures = tuple[ScenePictures | None, str, tuple[MethodFault, ...]]
+"""Pictures, why there are none, and methods of which something cannot be shown."""
+
+
 def scene_section(
     run: Path,
     scene: SceneRecord,
@@ -88,6 +92,7 @@ def scene_section(
     anchor: str,
     *,
     shown: Collection[str] | None = None,
+    kept: FoundPictures | None = None,
 ) -> SceneSection:
     """A scene with what its folders have to show; what is missing or broken is said in its place.
 
@@ -99,12 +104,14 @@ def scene_section(
         metrics: All of them.
         anchor: Of the section.
         shown: Names of the methods whose pictures and single views are shown; None for all.
+        kept: Pictures of a page that was made before; None to read the folders of the scene.
     """
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
     competing = {m.name for m in here if not m.sees}
-    drawn = tuple(m for m in here if shown is None or m.name in shown)
-    pictures, reason, faults = _pictures(run, scene, results, drawn)
+    names = shown if kept is None or kept[0] is None else kept[0].methods
+    drawn = tuple(m for m in here if names is None or m.name in names)
+    pictures, reason, faults = kept or _pictures(run, scene, results, drawn)
     rows, silent = told_rows(metric_rows(results, here, metrics))
     return SceneSection(
         anchor=anchor,
@@ -125,7 +132,7 @@ def scene_section(
 
 def _pictures(
     run: Path, scene: SceneRecord, results: Sequence[JobResult], methods: Sequence[MethodHead]
-) -> tuple[ScenePictures | None, str, tuple[MethodFault, ...]]:
+) -> FoundPictures:
     """The pictures of a scene, or why there are none; and which methods have nothing to show."""
     try:
         evidence = open_scene(run / scene.folder)
@@ -145,7 +152,7 @@ def _scene_pictures(
     return ScenePictures(
         describe_scene(scene, evidence),
         flatten(evidence.settings) if evidence.settings else (),
-        tuple(methods),
+        tuple(method.name for method in methods),
         len(evidence.test),
         len(evidence.capture.train),
         build_gallery(evidence, shown),

@@ -15,6 +15,8 @@ class TrackWords:
     headline: Mapping[str, str] = field(default_factory=dict)
     """Metrics that answer what this track asks, beside the headline metrics of all: id, and which part of the
     answer it is."""
+    shown: tuple[str, str] = ("albedo.psnr.channel", "base_color")
+    """Metric and layer of the strip of pictures at the top."""
 
 
 _TRACKS = {
@@ -25,6 +27,7 @@ _TRACKS = {
             "counterfactual.residual.mirror.specular": "Removal of the reflection",
             "counterfactual.residual.shadow.diffuse": "Removal of the shadow",
         },
+        ("counterfactual.psnr", "counterfactual.radiance"),
     ),
     "multilight": TrackWords("several local lights and an environment"),
 }

@@ -7,12 +7,17 @@ from pathlib import Path
 from graycard import RecordError
 from graycard.io import write_bytes
 from graycard.records import read_run
-from graycard.reports._page import build_page
-from graycard.reports._templates import render_page
+from graycard.reports._page import Page, build_page
+from graycard.reports.parts._render import render_files, render_page
+
+MAX_BYTES = 15_000_000
+"""A larger report has its scenes in files of their own."""
 
 
-def write_report(run: Path, pictures: Collection[str] | None = None, *, out: Path | None = None) -> Path:
-    """Write the report of a run: one HTML file without any reference to another host or file.
+def write_report(
+    run: Path, pictures: Collection[str] | None = None, *, out: Path | None = None, one_file: bool = False
+) -> Path:
+    """Write the report of a run without any reference to another host.
 
     A pure function of the files of the run: the same run gives the same bytes. What is missing or
     broken (a failed job, a scene folder that is gone) is said in its place.
@@ -21,6 +26,7 @@ def write_report(run: Path, pictures: Collection[str] | None = None, *, out: Pat
         run: The run folder, with ``run.json``.
         pictures: Methods whose pictures are embedded; None for all. Tables have all in any case.
         out: The file; None for ``RUN/report/index.html``.
+        one_file: Write one file however large; else a report above 15 MB has its scenes in files beside it.
 
     Returns:
         The path of the report.
@@ -31,12 +37,23 @@ def write_report(run: Path, pictures: Collection[str] | None = None, *, out: Pat
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(run) / "report" / "index.html" if out is None else out
-    write_bytes(path, report_of(Path(run), pictures))
+    page = _page_of(Path(run), pictures)
+    whole = render_page(page).encode()
+    if one_file or len(whole) <= MAX_BYTES:
+        write_bytes(path, whole)
+        return path
+    folder = f"{path.stem}-scenes"
+    for name, text in render_files(page, path.name, folder):
+        write_bytes(path.parent / name, text.encode())
     return path
 
 
 def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
-    """The bytes of that file; arguments and errors as in :func:`write_report`."""
+    """The bytes of the report in one file; arguments and errors as in :func:`write_report`."""
+    return render_page(_page_of(run, pictures)).encode()
+
+
+def _page_of(run: Path, pictures: Collection[str] | None) -> Page:
     record = read_run(run)
     known = [method.name for method in record.methods]
     if pictures is not None and (strange := sorted(set(pictures) - set(known))):
@@ -44,4 +61,4 @@ def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
             f"expected pictures of methods of the run ({', '.join(known)}), got {', '.join(strange)}. "
             "Name some of the former"
         )
-    return render_page(build_page(record, run, pictures)).encode()
+    return build_page(record, run, pictures)

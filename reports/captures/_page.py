@@ -10,11 +10,11 @@ import numpy as np
 from graycard import Truth, View
 from graycard.dataset import HeldOut, open_held_out
 from graycard.records import MetricRecord, PhotographSheet, Score
-from graycard.reports._comparison import THUMBNAIL_SIDE
+from graycard.reports._comparison import THUMBNAIL_SIDE, Gallery, ViewPictures
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, handed_in
 from graycard.reports._format import count, format_value
 from graycard.reports.pictures._layer_rows import LayerRow, bare_row, judged_layer, layer_row
-from graycard.reports.pictures._pictures import PagePicture, linear_picture, shrink
+from graycard.reports.pictures._pictures import PagePicture, light_picture, shrink
 
 MAX_VIEWS = 3
 """Held-out views whose pictures are embedded: first, middle and last."""
@@ -84,12 +84,11 @@ class CapturePage:
     faults: tuple[tuple[str, str], ...]
     warnings: tuple[tuple[str, str], ...]
 
-    def pictures(self) -> Iterator[PagePicture]:
-        """Yield all pictures."""
-        yield from self.thumbnails
-        rows = [row for view in self.views for row in (view.picture, *view.layers)]
-        tiles = [tile for row in rows for tile in (row.truth, *row.predictions, *row.errors)]
-        yield from (tile.picture for tile in tiles if tile.picture)
+    @property
+    def gallery(self) -> Gallery:
+        """Return all pictures."""
+        shown = (ViewPictures(view.name, (view.picture, *view.layers)) for view in self.views)
+        return Gallery(self.thumbnails, tuple(shown))
 
 
 def capture_page(scene: Path, rows: Sequence[CaptureRow]) -> CapturePage:
@@ -196,7 +195,7 @@ def _described(held: HeldOut) -> str:
 
 def _thumbnail(held: HeldOut, view: View) -> PagePicture:
     small = shrink(held.capture.photograph(view).astype(np.float64), THUMBNAIL_SIDE)
-    return linear_picture(small * held.capture.exposure, f"training photograph {view.name}")
+    return light_picture(small * held.capture.exposure, f"training photograph {view.name}")
 
 
 def _faults(methods: Sequence[MethodEvidence]) -> Iterator[tuple[str, str]]:

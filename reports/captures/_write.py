@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """From an imported capture and predictions of it to one HTML file."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from markupsafe import Markup
-
 from graycard import RecordError
-from graycard.io import write_bytes
-from graycard.reports._templates import CELL_PADDING, LEAST_CELL, asset, content_policy, environment
+from graycard.io import to_builtins, write_bytes
 from graycard.reports.captures._page import CapturePage, CaptureRow, capture_page
-from graycard.reports.pictures._colour_maps import COLOUR_MAPS
-from graycard.reports.pictures._pictures import KNEE, LEVELS, STEP, gradient
+from graycard.reports.parts._islands import blob_island, pack, without_bytes
+from graycard.reports.parts._render import Island, Renderer
 
 
 def write_capture_report(scene: Path, rows: Sequence[CaptureRow], *, out: Path | None = None) -> Path:
@@ -39,25 +37,9 @@ def write_capture_report(scene: Path, rows: Sequence[CaptureRow], *, out: Path |
 
 
 def _html(page: CapturePage) -> str:
-    bars = "".join(f".bar.{name} {{ background: {gradient(name)}; }}\n" for name in COLOUR_MAPS)
-    tiles = [view.picture.truth.picture for view in page.views]
-    widest = max((picture.shown[0] for picture in tiles if picture), default=0)
-    width = (len(page.methods) + 1) * max(widest + CELL_PADDING, LEAST_CELL)
-    style = asset("report.css") + bars + f".across-{width} {{ max-width: {width}px; }}\n"
-    script = asset("report.js")
-    sources = dict.fromkeys(p.linear for p in page.pictures() if p.linear)
-    return (
-        environment()
-        .get_template("capture.html.j2")
-        .render(
-            page=page,
-            style=Markup(style),
-            script=Markup(script),
-            policy=content_policy(style, script),
-            linear={source: number for number, source in enumerate(sources)},
-            width=width,
-            knee=KNEE,
-            step=STEP,
-            levels=LEVELS,
-        )
-    )
+    kept, blobs = without_bytes({"pictures": {"methods": page.methods, "gallery": to_builtins(page.gallery)}})
+    islands = [
+        Island("kept", "pictures", pack(json.dumps(kept, separators=(",", ":")))),
+        Island("blobs", "pictures", blob_island(blobs)),
+    ]
+    return Renderer().page("capture.html.j2", islands, page=page)

@@ -8,7 +8,7 @@ from graycard import RecordError
 from graycard.io import read_text, to_builtins, write_bytes, write_json
 from graycard.records import CLAIMS, PUBLISHED_PAGE, Comparison, Ledger, read_run
 from graycard.reports.history._keep import KeptHistory, continue_history
-from graycard.reports.history._remake import picture_parts, remade_page
+from graycard.reports.history._remake import kept_of_run, remade_page
 
 
 def republish_claims(folder: Path, ledger: Ledger, comparison: Comparison) -> KeptHistory | None:
@@ -37,7 +37,7 @@ def republish_claims(folder: Path, ledger: Ledger, comparison: Comparison) -> Ke
     if '<section class="claims"' not in old:
         raise RecordError(f"expected a section of claims in {page}, got a page without. Publish the run anew")
     packed = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"
-    remade = remade_page(picture_parts(old, record), record, folder, comparison, ledger)
+    remade = remade_page(kept_of_run(old, record), record, folder, comparison, ledger)
     files = {folder / CLAIMS: packed.encode(), page: remade.encode(), **(kept.files() if kept else {})}
     for path, content in files.items():
         write_bytes(path, content)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A view relit, and with an object put in: what competing methods hand in of it, beside the truth.
 
-Embedded in one view only and without linear light, one change of each kind: a report must stay small enough
-to be mailed, and scores are over all.
+Embedded in one view only, one change of each kind: a report must stay small enough to be mailed, and scores
+are over all.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -42,7 +42,7 @@ def changed_rows(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> tup
             true = {**scene.layers[view.name], **change.true(view)}
             bare = {name: true[name] for name in ("radiance", "object_id") if name in true}
             here = replace(scene, shown=(view,), layers={view.name: bare})
-            layer = replace(judged_layer("radiance", here, found), title=change.title, still=True)
+            layer = replace(judged_layer("radiance", here, found), title=change.title)
             rows.append(layer_row(layer, view, here, found))
     return tuple(rows)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard import View, find_layer, srgb_encode
+from graycard import View, find_layer
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
 from graycard.reports._format import format_name, format_number
 from graycard.reports.pictures._colour_maps import ColourMap
@@ -18,10 +18,14 @@ from graycard.reports.pictures._error_images import (
     shared_scale,
 )
 from graycard.reports.pictures._pictures import (
+    NUMBERS,
+    STEP,
     PagePicture,
-    display_picture,
-    linear_picture,
-    mapped_picture,
+    direction_picture,
+    light_picture,
+    map_picture,
+    number_picture,
+    share_picture,
     shrink,
 )
 
@@ -29,8 +33,6 @@ MAX_SIDE = 128
 """Pixels of a picture; larger ones are averaged down by a whole factor."""
 GRAY_CARD = 0.18
 """Reflectance under which light that arrives at a surface is shown: as radiance it would mostly be white."""
-RE_EXPOSED = ("radiance", "counterfactual.radiance")
-"""Embedded as linear light too, which takes three times the bytes."""
 
 _TITLES = {"counterfactual.radiance": "Radiance without the target object", "normal": "Normal, world axes"}
 _UNITS = {"base_color": "reflectance, 1 is white", "normal": "X, Y, Z as R, G, B"}
@@ -71,6 +73,12 @@ class LayerRow:
     noise_scale: Scale
     value_scale: Scale | None
     """For a layer that is shown through a colour map."""
+    layer: str = ""
+    """Its name in the vocabulary."""
+    values: str = ""
+    """Unit of a value under the pointer."""
+    precision: str = ""
+    """Largest error of such a value by its code alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +96,6 @@ class JudgedLayer:
     high: float
     title: str = ""
     """In the place of the name of the layer."""
-    still: bool = False
-    """Whether it is never embedded as linear light."""
 
 
 def title_of(layer: str) -> str:
@@ -111,7 +117,11 @@ def judged_layer(name: str, scene: SceneEvidence, methods: Sequence[MethodEviden
             errors[view.name, method.method] = error_image(name, values, true, mask, scene.truth.exposure)
             if variance is not None:
                 ratios[view.name, method.method] = noise_ratio_image(values, true, variance, mask)
-    low, high = _value_range([scene.layers[v.name][name] for v in scene.shown])
+    given = [m.layer(v.name, name) for m in methods for v in scene.shown] if _is_number(name) else []
+    true = [scene.layers[v.name][name] for v in scene.shown]
+    low, high = _value_range(true)
+    if name not in ("depth", "distance"):
+        low, high = _value_range([*true, *(image for image in given if image is not None)])
     scale = shared_scale(list(errors.values()))
     return JudgedLayer(name, scene.truth.exposure, errors, ratios, scale, low, high)
 
@@ -131,7 +141,7 @@ def layer_row(
     unit = find_layer(layer.name).unit
     return LayerRow(
         title,
-        f"{_unit_of(layer.name)}, at the exposure of the scene" if layer.still else _unit_of(layer.name),
+        _unit_of(layer.name),
         Tile(truth),
         tuple(_prediction(layer, view, method, scene.mask(layer.name, view), title) for method in methods),
         tuple(_error(layer, view, method, title) for method in methods),
@@ -139,6 +149,9 @@ def layer_row(
         _scale("error", 0, layer.error_high, error_unit(layer.name), "≥ "),
         _scale("error", 0, NOISE_HIGH, "standard deviations of the truth; 1 is noise alone", "≥ "),
         _scale("depth", layer.low, layer.high, unit, "") if _is_number(layer.name) else None,
+        layer.name,
+        _values_of(layer.name),
+        _precision_of(layer),
     )
 
 
@@ -158,6 +171,9 @@ def bare_row(name: str, view: View, exposure: float, methods: Sequence[MethodEvi
         _scale("error", 0, 1, "", ""),
         _scale("error", 0, 1, "", ""),
         _scale("depth", low, high, find_layer(name).unit, "") if _is_number(name) else None,
+        name,
+        _values_of(name),
+        _precision_of(layer),
     )
 
 
@@ -168,6 +184,23 @@ def _unit_of(name: str) -> str:
         return "as displayed on a gray card"
     unit = find_layer(name).unit
     return "as displayed" if "sr" in unit else "" if unit == "1" else unit
+
+
+def _values_of(name: str) -> str:
+    """The unit of a value under the pointer."""
+    unit = find_layer(name).unit
+    if name == "normal":
+        return "x, y, z"
+    return unit if _is_number(name) and unit != "1" else "of 1" if unit == "1" else "of display white"
+
+
+def _precision_of(layer: JudgedLayer) -> str:
+    """The largest error of such a value by its code alone."""
+    if layer.name == "normal":
+        return f"± {1 / 255:.3f}"
+    if _is_number(layer.name):
+        return f"± {format_number((layer.high - layer.low) / (2 * NUMBERS))}"
+    return "± 0.005" if find_layer(layer.name).unit == "1" else f"± {100 * STEP / 2:g} %"
 
 
 def _is_number(name: str) -> bool:
@@ -195,7 +228,7 @@ def _error(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -
         return Tile()
     typical = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
     alt = f"error of {title}, {view.name}: {method.method}, mean {format_number(typical)}"
-    return Tile(mapped_picture(shrink(error, MAX_SIDE), 0, layer.error_high, "error", alt))
+    return Tile(map_picture(shrink(error, MAX_SIDE), layer.error_high, alt))
 
 
 def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
@@ -206,24 +239,18 @@ def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: 
     within = f"{(seen <= 2).mean():.0%} of the pixels within 2" if seen.size else "no pixel is judged"
     alt = f"error to noise of {title}, {view.name}: {method.method}, {within}"
     small = shrink(np.minimum(ratio, 2 * NOISE_HIGH), MAX_SIDE)  # one wild pixel must not fill its block
-    return Tile(mapped_picture(small, 0, NOISE_HIGH, "error", alt), note=within)
+    return Tile(map_picture(small, NOISE_HIGH, alt), note=within)
 
 
 def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> PagePicture:
     small = shrink(values.astype(np.float64), MAX_SIDE)
     if layer.name == "normal":
-        return display_picture((small + 1) / 2, alt)
+        return direction_picture(small, alt)
     if _is_number(layer.name):
-        small = np.where(np.isfinite(small), small, np.nan)
-        return mapped_picture(small, layer.low, layer.high, "depth", alt)
-    if find_layer(layer.name).unit == "1":
-        return display_picture(srgb_encode(small), alt)
-    light = small * layer.exposure * _reflected(layer.name)
-    return (
-        linear_picture(light, alt)
-        if layer.name in RE_EXPOSED and not layer.still
-        else display_picture(srgb_encode(light), alt)
-    )
+        return number_picture(np.where(np.isfinite(small), small, np.nan), layer.low, layer.high, alt)
+    if find_layer(layer.name).unit == "1" and _reflected(layer.name) == 1:
+        return share_picture(small, alt)
+    return light_picture(small * layer.exposure * _reflected(layer.name), alt)
 
 
 def _scale(colours: ColourMap, low: float, high: float, unit: str, more: str) -> Scale:

@@ -12,7 +12,12 @@ from graycard.reports._explanations import Explanation, explain, scene_propertie
 from graycard.reports._format import format_number
 from graycard.reports.pictures._error_images import error_image, error_unit, shared_scale
 from graycard.reports.pictures._layer_rows import title_of
-from graycard.reports.pictures._pictures import PagePicture, display_picture, mapped_picture, shrink
+from graycard.reports.pictures._pictures import (
+    PagePicture,
+    coloured_picture,
+    shrink,
+    sketch_picture,
+)
 
 TILED_LAYERS = ("base_color", "radiance", "counterfactual.radiance", "normal")
 LEAST_SIDE = 8
@@ -180,18 +185,20 @@ def _reason(cause: Explanation | None) -> str:
 def _enlarge(name: str, values: np.ndarray, scene: SceneEvidence, alt: str) -> PagePicture:
     small = shrink(values.astype(np.float64), MAX_REGION)
     if name == "normal":
-        return display_picture((small + 1) / 2, alt)
+        return sketch_picture((small + 1) / 2, alt)
     exposure = scene.truth.exposure if "radiance" in name else 1.0
-    return display_picture(srgb_encode(small * exposure), alt)
+    return sketch_picture(srgb_encode(small * exposure), alt)
 
 
 def _map(values: np.ndarray, low: float, high: float, alt: str) -> PagePicture:
-    return mapped_picture(shrink(values, MAX_REGION), low, high, "error", alt)
+    return coloured_picture(shrink(values, MAX_REGION), low, high, "error", alt)
 
 
 def _range_map(values: np.ndarray, alt: str) -> PagePicture:
     finite = values[np.isfinite(values)]
-    return mapped_picture(shrink(values, MAX_REGION), float(finite.min()), float(finite.max()), "depth", alt)
+    return coloured_picture(
+        shrink(values, MAX_REGION), float(finite.min()), float(finite.max()), "depth", alt
+    )
 
 
 def _box_sums(values: np.ndarray, side: int) -> np.ndarray:

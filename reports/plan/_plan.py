@@ -17,6 +17,8 @@ from graycard.reports.plan._marks import MARGIN, LightMark, round_length
 SIZE = 420.0
 """Longer side of the plan in SVG units."""
 DOTS_PER_VIEW = 400
+MARK = 9.0
+"""Units within which marks of two lights touch."""
 SHAPES = 6
 """Number of marker shapes, in the style sheet and templates; more methods take the same ones again."""
 
@@ -75,6 +77,12 @@ class Plan:
     rows: tuple[LightRow, ...]
     silent: tuple[tuple[str, str], ...]
     """Methods without lights, and why."""
+
+    def apart(self, link: Link) -> str:
+        """Return how far apart two lights are as seen from above; empty where their marks touch."""
+        pixels = float(np.hypot(link.end[0] - link.start[0], link.end[1] - link.start[1]))
+        metres = pixels / self.metre_bar * float(self.metre_text.split()[0]) if self.metre_bar else 0.0
+        return f"{format_number(metres)} m" if pixels > MARK else ""
 
 
 @dataclass(frozen=True, slots=True)

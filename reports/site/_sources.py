@@ -21,7 +21,7 @@ from graycard.reports.history._reasons import Reasons, load_reasons
 
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""
-_ANCHOR = re.compile(rb'id="(claim-[^"]+)"')
+_ANCHOR = re.compile(rb'(?:id|data-part)="(claim-[^"]+)"')
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,8 @@ class MethodHead:
     """Whether other code made the predictions."""
     priors: PriorBadge | None = None
     """What priors told it; None for a row without priors."""
+    variant_of: str = ""
+    """The row whose method this is with settings of its own, while that stands in the same table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +54,17 @@ class Leaderboard:
     """Headline metrics that no competing method provides: they have no column."""
 
     @property
+    def families(self) -> tuple[Standing, ...]:
+        """Competing rows by place, variants below the row of their method."""
+        under: dict[str, list[Standing]] = {}
+        for row in self.competing:
+            under.setdefault(row.method.variant_of, []).append(row)
+        return tuple(r for own in under.get("", ()) for r in (own, *under.get(own.method.name, ())))
+
+    @property
     def methods(self) -> tuple[MethodHead, ...]:
         """All methods in the order of the rows."""
-        return tuple(s.method for s in self.competing + self.references)
+        return tuple(s.method for s in self.families + self.references)
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,8 +268,16 @@ def _cell(readings: _Readings, method: str, metric: MetricRecord, detailed: bool
 def _heads(record: RunRecord, results: Sequence[JobResult]) -> list[MethodHead]:
     """The methods with a job among the results, in the order of the run."""
     present, badges = {r.job.method for r in results}, prior_badges(record)
+    variants = {name for track in {r.job.track for r in results} for name in record.variants_on(track)}
     return [
-        MethodHead(m.name, m.summary, m.sees, bool(m.predictions), badges.get(m.name))
+        MethodHead(
+            m.name,
+            m.summary,
+            m.sees,
+            bool(m.predictions),
+            badges.get(m.name),
+            m.entry if m.name in variants else "",
+        )
         for m in record.methods
         if m.name in present
     ]

@@ -1,122 +1,204 @@
+// Parts of a page that are drawn when they are opened, links to them, and the help of metrics.
 "use strict";
-(() => {
-  const knee = Number(document.body.dataset.knee);
-  const step = Number(document.body.dataset.step);
-  const sources = JSON.parse(document.getElementById("linear").textContent);
-  const levels = Number(document.body.dataset.levels);
 
-  /** Display value in [0, 1] of linear light, IEC 61966-2-1. */
-  const srgb = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * Math.min(x, 1) ** (1 / 2.4) - 0.055);
+/** @param {string} packed @returns {Promise<string>} */
+async function inflate(packed) {
+  const bytes = Uint8Array.from(atob(packed), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).text();
+}
 
-  /** 8-bit display value of each code of linear light, seen through an exposure in stops. */
-  function displayTable(stops) {
-    const table = new Uint8ClampedArray(levels);
-    const gain = knee * 2 ** stops;
-    for (let code = 0; code < levels; code += 1) table[code] = 255 * srgb(gain * Math.expm1(code * step));
-    return table;
+/** @template {Element} T @param {ParentNode} root @param {string} selector @param {new () => T} kind @returns {T} */
+function need(root, selector, kind) {
+  const found = root.querySelector(selector);
+  if (!(found instanceof kind)) throw new Error(`expected ${selector}, got none`);
+  return found;
+}
+
+/** The rest of the page may still be on its way. @type {Promise<void>} */
+const whole = new Promise((resolve) => {
+  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", () => resolve(), { once: true });
+  else resolve();
+});
+
+/** @param {string} kind @param {string} id @returns {Promise<string>} */
+async function island(kind, id) {
+  const selector = `script[data-${kind}="${CSS.escape(id)}"]`;
+  if (!document.querySelector(selector)) await whole;
+  return document.querySelector(selector)?.textContent ?? "";
+}
+
+/** Bytes of pictures by key, of each scene that was asked for. @type {Map<string, Promise<Record<string, string>>>} */
+const blobStores = new Map();
+
+/** @param {string} scene @returns {Promise<Record<string, string>>} */
+function blobsOf(scene) {
+  let found = blobStores.get(scene);
+  if (!found) {
+    found = island("blobs", scene).then((text) => JSON.parse(text || "{}"));
+    blobStores.set(scene, found);
   }
+  return found;
+}
 
-  /** The codes of a picture: high bytes in the upper half of the PNG, low bytes in the lower half. */
-  async function readCodes(source) {
-    const image = new Image();
-    image.src = source;
-    await image.decode();
-    const canvas = document.createElement("canvas");
-    canvas.width = image.naturalWidth;
-    canvas.height = image.naturalHeight;
-    const context = canvas.getContext("2d", { willReadFrequently: true });
-    context.drawImage(image, 0, 0);
-    const bytes = context.getImageData(0, 0, canvas.width, canvas.height).data;
-    const half = bytes.length / 2;
-    const codes = Uint16Array.from({ length: half }, (_, i) => bytes[i] * 256 + bytes[half + i]);
-    return { codes, width: canvas.width, height: canvas.height / 2 };
+/** @param {HTMLElement} root @param {string} id */
+async function dress(root, id) {
+  const images = root.querySelectorAll("[data-blob]");
+  if (images.length) {
+    const blobs = await blobsOf(id.replace(/-worst$/, ""));
+    for (const image of images) image.setAttribute("href", `data:image/webp;base64,${blobs[image.getAttribute("data-blob") ?? ""]}`);
   }
+  for (const table of root.querySelectorAll("table")) if (table.matches(".scores")) dressTable(table, id);
+  applyRows(root);
+  for (const place of root.querySelectorAll(".viewer")) if (place instanceof HTMLElement) await buildViewer(place);
+}
 
-  /** Put a canvas in the place of a picture; gives a function that paints it through a table. */
-  async function makeCanvas(image) {
-    const { codes, width, height } = await readCodes(sources[Number(image.dataset.linear)]);
-    const canvas = document.createElement("canvas");
-    canvas.width = width;
-    canvas.height = height;
-    canvas.className = image.className;
-    canvas.style.setProperty("--shown", `${image.getAttribute("width")}px`);
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", image.alt);
-    const context = canvas.getContext("2d");
-    const pixels = context.createImageData(width, height);
-    image.replaceWith(canvas);
-    return (table) => {
-      for (let i = 0; i < codes.length; i += 1) pixels.data[i] = i % 4 === 3 ? 255 : table[codes[i]];
-      context.putImageData(pixels, 0, 0);
-    };
-  }
+/** @param {string} id @returns {Promise<HTMLElement>} */
+async function drawn(id) {
+  const content = document.createElement("div");
+  content.className = "inside";
+  content.innerHTML = await inflate(await island("part", id));
+  return content;
+}
 
-  async function followExposure(scene) {
-    const slider = scene.querySelector(".exposure");
-    const output = scene.querySelector("output");
-    const painters = await Promise.all([...scene.querySelectorAll("img[data-linear]")].map(makeCanvas));
-    const paint = () => {
-      const stops = Number(slider.value);
-      const sign = stops > 0 ? "+" : stops < 0 ? "\u2212" : "";
-      output.textContent = `${sign}${Math.abs(stops).toFixed(2)} stops`;
-      slider.setAttribute("aria-valuetext", output.textContent);
-      const table = displayTable(stops);
-      painters.forEach((painter) => painter(table));
-    };
-    slider.addEventListener("input", paint);
-    scene.querySelector(".reset").addEventListener("click", () => {
-      slider.value = 0;
-      paint();
+/** @type {WeakMap<Element, Promise<void>>} */
+const filled = new WeakMap();
+
+/** Draw a part once. @param {HTMLDetailsElement} part @returns {Promise<void>} */
+function fill(part) {
+  let done = filled.get(part);
+  if (!done) {
+    done = drawn(part.id).then(async (content) => {
+      part.append(content);
+      await dress(content, part.id);
     });
-    paint();
+    filled.set(part, done);
   }
+  return done;
+}
 
-  function switchViews(scene) {
-    const views = scene.querySelectorAll(".view");
-    const show = (chosen) => views.forEach((view) => { view.hidden = view.dataset.view !== chosen; });
-    const buttons = scene.querySelectorAll(".views input");
-    buttons.forEach((button) => button.addEventListener("change", () => show(button.value)));
-    const checked = [...buttons].find((button) => button.checked);
-    if (checked) show(checked.value);
+/** @param {string} anchor */
+async function showClaims(anchor) {
+  const marks = [...document.querySelectorAll("a.mark")].map((mark) => mark.getAttribute("href")?.slice(1) ?? "");
+  const wanted = anchor === "claims-all" ? marks : marks.filter((mark) => anchor === mark || anchor.startsWith(`${mark}-`));
+  if (!wanted.length) return;
+  const contents = await Promise.all(wanted.map(drawn));
+  const panel = need(document, "#claim-panel", HTMLElement);
+  panel.replaceChildren(...contents);
+  for (const [index, content] of contents.entries()) await dress(content, wanted[index]);
+  for (const mark of document.querySelectorAll("a.mark")) {
+    if (wanted.length === 1 && mark.getAttribute("href") === `#${wanted[0]}`) mark.setAttribute("aria-current", "true");
+    else mark.removeAttribute("aria-current");
   }
+}
 
-  /** Put the help of a metric beside its name; without this script it stands at the foot of the window. */
-  function placeTip(button) {
-    const tip = document.getElementById(button.getAttribute("aria-describedby"));
-    const place = button.getBoundingClientRect();
-    tip.style.bottom = "auto";
-    tip.style.left = `${Math.max(8, Math.min(place.left, document.documentElement.clientWidth - tip.offsetWidth - 8))}px`;
-    const below = place.bottom + 8;
-    const fits = below + tip.offsetHeight < window.innerHeight;
-    tip.style.top = `${fits ? below : Math.max(8, place.top - tip.offsetHeight - 8)}px`;
+/** Open whatever holds an anchor: ids of parts begin the ids of what is inside. @param {string} anchor */
+async function openTo(anchor) {
+  if (anchor.startsWith("claim")) await showClaims(anchor);
+  for (let depth = 0; depth < 4; depth += 1) {
+    for (const part of document.querySelectorAll("details.part")) {
+      if (part instanceof HTMLDetailsElement && part.id && (anchor === part.id || anchor.startsWith(`${part.id}-`))) {
+        part.open = true;
+        if (part.hasAttribute("data-part")) await fill(part);
+      }
+    }
   }
+  const elsewhere = [...document.querySelectorAll("p.part[id] > a")].find((link) => link.parentElement && (anchor === link.parentElement.id || anchor.startsWith(`${link.parentElement.id}-`)));
+  if (elsewhere instanceof HTMLAnchorElement) location.href = `${elsewhere.getAttribute("href")?.split("#")[0]}${location.hash}`;
+}
 
-  let explained = null;
-  const explain = (button) => {
-    explained = button;
-    document.body.classList.remove("dismissed");
-    placeTip(button);
-  };
+async function follow() {
+  const [anchor, query] = decodeURIComponent(location.hash.slice(1)).split("?");
+  if (!anchor) return;
+  await openTo(anchor);
+  const target = document.getElementById(anchor);
+  for (let held = target?.closest("details"); held; held = held.parentElement?.closest("details")) held.open = true;
+  target?.scrollIntoView();
+  const viewer = target?.querySelector(".viewer");
+  if (query && viewer) viewer.dispatchEvent(new CustomEvent("recall", { detail: query }));
+  document.body.dataset.opened = anchor;
+}
 
-  document.querySelectorAll(".metric button").forEach((button) => {
-    for (const event of ["mouseenter", "focus"]) button.addEventListener(event, () => explain(button));
+/** Rows and columns whose names hold one of some words; all where there are none. @type {string[]} */
+let wantedRows = [];
+
+/** @param {string} name */
+const isWanted = (name) => !wantedRows.length || wantedRows.some((word) => name.toLowerCase().includes(word));
+
+/** @param {ParentNode} root */
+function applyRows(root) {
+  for (const row of root.querySelectorAll("[data-row]")) row.classList.toggle("filtered", !isWanted(row.getAttribute("data-row") ?? ""));
+  for (const table of root.querySelectorAll("table")) if (table.querySelector("[data-column]")) applyColumns(table);
+}
+
+/** @param {HTMLTableElement} table */
+function applyColumns(table) {
+  const heads = [...(table.tHead?.rows[0].cells ?? [])];
+  const states = heads.map((head) => {
+    const name = head.getAttribute("data-column");
+    return { filtered: name !== null && !isWanted(name), variant: head.hasAttribute("data-variant") };
   });
+  for (const row of table.rows) {
+    if (row.cells.length !== heads.length) continue;
+    [...row.cells].forEach((cell, index) => {
+      cell.classList.toggle("filtered", states[index].filtered);
+      cell.classList.toggle("variant", states[index].variant);
+    });
+  }
+}
+
+/** Put the help of a metric beside its name; without this script it stands at the foot of the window. @param {Element} button */
+function placeTip(button) {
+  const tip = document.getElementById(button.getAttribute("aria-describedby") ?? "");
+  if (!tip) return;
+  const place = button.getBoundingClientRect();
+  tip.style.bottom = "auto";
+  tip.style.left = `${Math.max(8, Math.min(place.left, document.documentElement.clientWidth - tip.offsetWidth - 8))}px`;
+  const below = place.bottom + 8;
+  const fits = below + tip.offsetHeight < window.innerHeight;
+  tip.style.top = `${fits ? below : Math.max(8, place.top - tip.offsetHeight - 8)}px`;
+}
+
+/** @type {Element | null} */
+let explained = null;
+
+/** @param {Event} event */
+function explain(event) {
+  const button = event.target instanceof Element ? event.target.closest(".metric button") : null;
+  if (!button) return;
+  explained = button;
+  document.body.classList.remove("dismissed");
+  placeTip(button);
+}
+
+function start() {
+  document.addEventListener("toggle", (event) => {
+    const part = event.target;
+    if (part instanceof HTMLDetailsElement && part.open && part.hasAttribute("data-part")) fill(part);
+  }, true);
+  document.addEventListener("mouseover", explain);
+  document.addEventListener("focusin", explain);
   document.addEventListener("keydown", (event) => {
     if (event.key === "Escape") document.body.classList.add("dismissed");
   });
   // A focus that scrolls the page moves the name away from its help after the help was placed.
   document.addEventListener("scroll", () => { if (explained) placeTip(explained); }, { capture: true, passive: true });
-
+  const filter = document.querySelector(".row-filter");
+  if (filter instanceof HTMLInputElement) filter.addEventListener("input", () => {
+    wantedRows = filter.value.toLowerCase().split(/[\s,]+/).filter(Boolean);
+    applyRows(document);
+  });
+  const variants = document.querySelector(".show-variants");
+  if (variants instanceof HTMLInputElement) variants.addEventListener("change", () => document.body.classList.toggle("fold", !variants.checked));
   // The bar at the top has as many lines as its names need; what sticks below it has to know.
-  const bar = document.querySelector("nav");
+  const bar = need(document, "nav", HTMLElement);
   const measure = () => document.documentElement.style.setProperty("--bar", `${bar.offsetHeight}px`);
   window.addEventListener("resize", measure);
+  window.addEventListener("hashchange", follow);
   measure();
-
-  const scenes = [...document.querySelectorAll(".scene")].filter((scene) => scene.querySelector(".controls"));
-  scenes.forEach(switchViews);
-  Promise.all(scenes.map(followExposure)).then(() => {
-    scenes.forEach((scene) => { scene.querySelector(".controls").hidden = false; });
-    document.body.dataset.ready = "true";
-  });
-})();
+  for (const table of document.querySelectorAll("table.dots")) if (table instanceof HTMLTableElement) makeSortable(table);
+  for (const place of document.querySelectorAll(".viewer")) if (place instanceof HTMLElement) buildViewer(place);
+  document.body.dataset.ready = "true";
+  for (const part of document.querySelectorAll("details.part[open][data-part]")) if (part instanceof HTMLDetailsElement) fill(part);
+  follow();
+}

@@ -26,6 +26,7 @@ from graycard.records import (
     ScoreSheet,
 )
 from graycard.reports import write_report
+from opened import opened
 
 HOSTILE = "<script>window.broken = 1</script>"
 METHODS = (
@@ -186,6 +187,12 @@ def tiny_run(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Pa
 
 
 @pytest.fixture(scope="session")
-def tiny_report(tiny_run: Path) -> str:
-    """The HTML text of the shared run."""
+def tiny_page(tiny_run: Path) -> str:
+    """The HTML text of the shared run, with closed parts as data."""
     return write_report(tiny_run).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def tiny_report(tiny_page: str) -> str:
+    """The same with all parts opened."""
+    return opened(tiny_page)

@@ -13,6 +13,7 @@ import pytest
 from graycard.eval.statistics import RULE, Question, compare_run
 from graycard.records import Comparison, read_run
 from graycard.reports.history._keep import OWN
+from opened import opened
 
 FOLDERS = sorted(path for path in OWN.iterdir() if path.is_dir())
 DATA = re.compile(r'"data:[^"]*"')
@@ -35,8 +36,8 @@ class Tie(NamedTuple):
 
 
 def page_of(folder: Path) -> str:
-    """Return a page without its pictures."""
-    return DATA.sub('""', (folder / "index.html").read_text(encoding="utf-8"))
+    """Return a page without its pictures, all of it opened."""
+    return DATA.sub('""', opened((folder / "index.html").read_text(encoding="utf-8")))
 
 
 def names(listed: str) -> list[str]:
@@ -50,7 +51,7 @@ def board_ties(page: str) -> Iterator[Tie]:
         track = re.search(r"Leaderboard of track (.*?):", table)
         titles = BUTTON.findall(table)
         assert track
-        for row in table.split("<tr>")[2:]:
+        for row in re.split("<tr[^>]*>", table)[2:]:
             method = METHOD.search(row)
             for title, cell in zip(titles, row.split('<td class="number')[1:], strict=False):
                 for note in NOTE.findall(cell):

@@ -21,6 +21,7 @@ from graycard.records import (
 from graycard.reports import write_report
 from graycard.reports._claims import LEGEND, claims_section
 from graycard.reports._effects import effect_plot
+from opened import opened
 from runs_by_hand import run_of
 
 CHECK = CheckResult(
@@ -53,7 +54,7 @@ def run(tmp_path: Path) -> Path:
 
 
 def text_of(run: Path) -> str:
-    return write_report(run).read_text(encoding="utf-8")
+    return opened(write_report(run).read_text(encoding="utf-8"))
 
 
 def test_a_claim_is_told_with_all_that_it_follows_from(run: Path) -> None:

@@ -14,6 +14,7 @@ from graycard.records import Job, JobResult, RunRecord, Score, ScoreSheet
 from graycard.reports import write_report
 from graycard.reports._spread import protocol_spreads
 from graycard.reports.tables._cells import Reading, breakdown_text
+from opened import opened
 
 
 def by(protocol: str, value: float | None, unit: str = "dB", up: bool = True) -> Score:
@@ -81,7 +82,7 @@ def test_report_shows_strips_and_breakdowns(make_run: Callable[..., tuple[Path, 
         return replace(r, sheet=replace(r.sheet, scores=scores, protocols=protocols))
 
     write_json(run / "run.json", replace(record, results=tuple(enrich(r) for r in record.results)))
-    html = write_report(run).read_text(encoding="utf-8")
+    html = opened(write_report(run).read_text(encoding="utf-8"))
     assert "<title>&lt;wide&gt;-1: 30.00</title>" in html
     assert "spread 14.00 dB" in html
     assert "<b>gray</b> interior 1.25" in html

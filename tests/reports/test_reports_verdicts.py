@@ -28,6 +28,7 @@ from graycard.reports.tables._help import explain_rules, metric_head
 from graycard.reports.tables._intervals import PAD, axis_of, axis_of_standings, interval_plot
 from graycard.reports.tables._summary import part_of, summary_rows
 from graycard.reports.tables._verdicts import LeaderVerdict, judge, judge_without_intervals
+from opened import opened
 
 UP = MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
 DOWN = MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
@@ -268,11 +269,11 @@ def comparison_of(record: RunRecord) -> Comparison:
 
 def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, RunRecord]]) -> None:
     run, record = make_run()
-    before = write_report(run).read_text(encoding="utf-8")
+    before = opened(write_report(run).read_text(encoding="utf-8"))
     assert "significance not computed" in before
     assert "the run has no comparison.json" in before
     write_json(run / COMPARISON, comparison_of(record))
-    html = write_report(run).read_text(encoding="utf-8")
+    html = opened(write_report(run).read_text(encoding="utf-8"))
     first = html[html.index('<section class="summary"') : html.index('<section class="track"')]
     for part in (
         '<a href="#track-1">retinex</a>', "clear lead", "26.00 dB", "7.60 dB (0.50 to 2.00) ahead of gray",
@@ -283,6 +284,6 @@ def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, RunRecord]
         assert part in first, part
     assert 'aria-label="mean 26.00, 95 % interval 25.00 to 27.00, ceiling 48.50"' in html
     (run / COMPARISON).write_text("{")
-    assert "No intervals and no tests of significance: expected" in write_report(run).read_text(
-        encoding="utf-8"
+    assert "No intervals and no tests of significance: expected" in opened(
+        write_report(run).read_text(encoding="utf-8")
     )

@@ -254,7 +254,7 @@ def test_every_link_leads_somewhere(site: str, request: pytest.FixtureRequest):
 def anchors(path: Path) -> frozenset[str]:
     if path.parent.parent.name != "runs":
         return frozenset(str(element.get("id")) for element in parsed(path).iter())
-    return frozenset(re.findall(r'\bid="([^"]+)"', path.read_text(encoding="utf-8")))
+    return frozenset(re.findall(r'\b(?:id|data-part)="([^"]+)"', path.read_text(encoding="utf-8")))
 
 
 def test_hostile_names_stay_words(hostile_site: Path):

@@ -35,6 +35,8 @@ class ReportCommand:
     out: Annotated[Path | None, optional("FILE")] = None
     """Write to this file; RUN/report/index.html or SCENE/report/index.html by default.
     A summary is printed by default."""
+    one_file: bool = False
+    """Write one file however large; else the scenes of a report above 15 MB have files beside it."""
     predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
     """With SCENE: predictions that are held against its photographs, a column each."""
     summary: Annotated[Form | None, optional("md|junit|json")] = None
@@ -75,7 +77,7 @@ class ReportCommand:
         from graycard.reports import write_report
 
         try:
-            return write_report(self.run_folder, out=self.out)
+            return write_report(self.run_folder, out=self.out, one_file=self.one_file)
         except OutputError as cause:
             if self.out is not None:
                 raise

@@ -1,0 +1,119 @@
+// Tables: sort by any column, find rows, copy for a paper, link.
+
+/** The number that a cell shows; NaN for a dash or a word. @param {Element | undefined} cell */
+function numberOf(cell) {
+  const shown = cell?.querySelector(".value") ?? cell?.querySelector("a") ?? cell;
+  const text = [...(shown?.childNodes ?? [])].filter((node) => node.nodeType === Node.TEXT_NODE).map((node) => node.textContent).join("") || shown?.textContent || "";
+  const plain = text.trim().replace("\u2212", "-").replace("\u221e", "Infinity");
+  return /^-?(Infinity|[\d.])/.test(plain) ? Number.parseFloat(plain) : Number.NaN;
+}
+
+/** Text of a cell without what only explains it. @param {Element} cell */
+function textOf(cell) {
+  const copy = /** @type {Element} */ (cell.cloneNode(true));
+  for (const more of copy.querySelectorAll(".tip, .note, svg, .aside, .badge, .arrow, .breakdown, .sort")) more.remove();
+  return (copy.textContent ?? "").replace(/\s+/g, " ").trim();
+}
+
+/** @param {HTMLTableElement} table @param {number} column @param {boolean} up */
+function sortRows(table, column, up) {
+  for (const body of table.tBodies) {
+    const rows = [...body.rows].filter((row) => row.cells.length > column && !row.classList.contains("group"));
+    const key = (/** @type {HTMLTableRowElement} */ row) => numberOf(row.cells[column]);
+    const words = rows.every((row) => Number.isNaN(key(row)));
+    rows.sort((a, b) => {
+      if (words) return (up ? 1 : -1) * textOf(a.cells[column]).localeCompare(textOf(b.cells[column]));
+      const [x, y] = [key(a), key(b)];
+      if (Number.isNaN(x) || Number.isNaN(y)) return Number(Number.isNaN(x)) - Number(Number.isNaN(y));
+      return x === y ? 0 : (up ? 1 : -1) * (x < y ? -1 : 1);
+    });
+    for (const row of rows) body.append(row);
+  }
+}
+
+/** @param {HTMLTableElement} table */
+function makeSortable(table) {
+  [...(table.tHead?.rows[0]?.cells ?? [])].forEach((head, column) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "sort";
+    button.textContent = "↕";
+    button.setAttribute("aria-label", `Sort by ${textOf(head) || "row"}`);
+    button.addEventListener("click", () => {
+      const up = head.getAttribute("aria-sort") === "descending";
+      for (const other of table.tHead?.rows[0]?.cells ?? []) other.removeAttribute("aria-sort");
+      head.setAttribute("aria-sort", up ? "ascending" : "descending");
+      button.textContent = up ? "↑" : "↓";
+      sortRows(table, column, up);
+    });
+    head.append(button);
+  });
+}
+
+/** Cells that are seen, as text. @param {HTMLTableElement} table @returns {string[][]} */
+function seenCells(table) {
+  const rows = [...table.rows].filter((row) => row.offsetParent !== null && !row.classList.contains("axes"));
+  return rows.map((row) => [...row.cells].filter((cell) => cell.offsetParent !== null).map(textOf));
+}
+
+/** @type {Record<string, (rows: string[][], caption: string) => string>} */
+const WRITERS = {
+  markdown(rows) {
+    const line = (/** @type {string[]} */ cells) => `| ${cells.map((cell) => cell.replace(/\|/g, "\\|")).join(" | ")} |`;
+    const [head, ...body] = rows;
+    return [line(head), line(head.map(() => "---")), ...body.map(line)].join("\n");
+  },
+  csv(rows) {
+    const quoted = (/** @type {string} */ cell) => (/[",\n]/.test(cell) ? `"${cell.replace(/"/g, '""')}"` : cell);
+    return rows.map((cells) => cells.map((cell) => quoted(cell.replace("\u2212", "-"))).join(",")).join("\n");
+  },
+  latex(rows, caption) {
+    /** @type {Record<string, string>} */
+    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$" };
+    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
+    const [head, ...body] = rows.map((cells) => `${cells.map(safe).join(" & ")} \\\\`);
+    return [`\\begin{tabular}{l${"r".repeat(rows[0].length - 1)}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
+  },
+};
+
+/** @param {string} text @returns {Promise<void>} */
+async function copyText(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const area = document.createElement("textarea");  // pages that are opened as files may have no clipboard
+    area.value = text;
+    document.body.append(area);
+    area.select();
+    document.execCommand("copy");
+    area.remove();
+  }
+  document.body.dataset.copied = text;
+}
+
+/** @param {HTMLTableElement} table @param {string} part */
+function dressTable(table, part) {
+  const place = table.closest(".scroll");
+  if (!place?.parentElement) return;
+  makeSortable(table);
+  const template = need(document, "#table-tools", HTMLTemplateElement);
+  const tools = need(/** @type {DocumentFragment} */ (template.content.cloneNode(true)), ".table-tools", HTMLElement);
+  for (let number = 1; !table.id; number += 1) if (!document.getElementById(`${part}-table-${number}`)) table.id = `${part}-table-${number}`;
+  const caption = table.caption ? textOf(table.caption) : "";
+  const find = need(tools, ".find", HTMLInputElement);
+  find.setAttribute("aria-label", `Find in ${caption}`);
+  find.addEventListener("input", () => {
+    const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
+    for (const body of table.tBodies) for (const row of body.rows) {
+      const text = (row.textContent ?? "").toLowerCase();
+      row.hidden = row.cells.length > 1 && !words.every((word) => text.includes(word));
+    }
+  });
+  for (const button of tools.querySelectorAll("button")) button.addEventListener("click", async () => {
+    const rows = seenCells(table).filter((cells) => cells.length > 1);
+    await copyText(WRITERS[button.dataset.copy ?? "csv"](rows, caption));
+    need(tools, ".copied", HTMLElement).textContent = `${rows.length} lines copied`;
+  });
+  need(tools, ".permalink", HTMLAnchorElement).href = `#${table.id}`;
+  place.before(tools);
+}

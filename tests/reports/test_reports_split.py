@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A large report as an index with its scenes beside it, and one file where that is asked for."""
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from graycard.cli import main
+from graycard.reports import write_report
+from graycard.reports.parts._kept import kept_scenes
+from opened import parts_of
+from report_pages import CHROMIUM, open_report
+from runs_of_size import write_made_up
+
+
+@pytest.fixture
+def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("graycard.reports._write.MAX_BYTES", 1000)
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_files_together_hold_what_one_file_holds(tiny_run: Path, tmp_path: Path) -> None:
+    index = write_report(tiny_run, out=tmp_path / "a" / "r.html")
+    whole = write_report(tiny_run, out=tmp_path / "b.html", one_file=True).read_text()
+    scenes = sorted((tmp_path / "a" / "r-scenes").iterdir())
+    assert [path.name for path in scenes] == [f"track-{i}-scene-1.html" for i in (1, 2, 3)]
+    parts = parts_of(index.read_text())
+    assert not [name for name in parts if "scene-1" in name]
+    for path in scenes:
+        parts |= parts_of(path.read_text())
+    assert parts == parts_of(whole)
+    assert kept_scenes(whole) == {k: v for path in scenes for k, v in kept_scenes(path.read_text()).items()}
+
+
+@pytest.mark.usefixtures("small_limit")
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
+def test_links_lead_from_the_index_into_its_scenes_and_back(tiny_run: Path, tmp_path: Path) -> None:
+    index, heard = write_report(tiny_run, out=tmp_path / "r.html"), []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = open_report(browser, index, heard)
+        page.locator("#track-2-scene-1 a").click()
+        page.wait_for_url("**/r-scenes/track-2-scene-1.html#track-2-scene-1")
+        page.locator(".viewer .panes canvas").first.wait_for()
+        page.get_by_role("link", name="The whole run").click()
+        page.wait_for_url("**/r.html")
+        page.evaluate("location.hash = '#track-3-scene-1-lights'")
+        page.wait_for_url("**/r-scenes/track-3-scene-1.html#track-3-scene-1-lights")
+        page.locator("svg.plan").wait_for()
+        browser.close()
+    assert heard == []
+
+
+def test_the_verb_writes_one_file_where_it_is_asked_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_made_up(tmp_path, 2, 1, metrics=2)
+    monkeypatch.setattr("graycard.reports._write.MAX_BYTES", 1000)
+    assert main(["report", str(tmp_path), "--one-file"]) == 0
+    assert [path.name for path in (tmp_path / "report").iterdir()] == ["index.html"]
+    assert main(["report", str(tmp_path)]) == 0
+    assert sorted(path.name for path in (tmp_path / "report").iterdir()) == ["index-scenes", "index.html"]
+    assert "report: " in capsys.readouterr().out
