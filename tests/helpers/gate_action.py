@@ -42,7 +42,7 @@ class Fitted:
 class Mine:
     summary, needs, settings_type = "One albedo and one light", (), NoSettings
     def fit(self, capture, priors, settings, seed, progress):
-        return Fitted(float(np.median([capture.radiance(view.name) for view in capture.train])))
+        return Fitted(float(np.median([capture.photograph(view) for view in capture.train])))
     def load(self, folder): return Fitted(float((folder / "light.txt").read_text()))
 """
 _EXPRESSION = re.compile(r"\$\{\{ *([\w.-]+) *\}\}")
