@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard._capture import Capture, file_of
-from graycard._errors import DatasetError
+from graycard._errors import DatasetError, UnknownNameError
 from graycard._held_out import HELD_OUT as HELD_OUT
 from graycard._held_out import PHOTOGRAPHS, SENSOR
 from graycard._held_out import HeldOut as HeldOut
@@ -156,10 +156,15 @@ def check_scene(folder: Path) -> None:
 
     Raises:
         DatasetError: It is a part of a scene, or a folder of scenes.
+        UnknownNameError: It is not there, and other scenes are beside it.
     """
     scene = Path(folder).resolve()
     if (scene / "capture").is_dir():
         return
+    if not scene.exists():
+        beside = [path.name for path in scene.parent.glob("[!.]*") if is_scene(path)]
+        if beside:
+            raise UnknownNameError(f"scene in {folder.parent}", scene.name, beside)
     meant = None
     if len(scene.parents) < 2 or (scene.parent / "capture" / MANIFEST).is_file():
         meant = scene.parent if scene.name in ("capture", "truth") else "DATASET/<track>/<scene>"

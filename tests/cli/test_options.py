@@ -137,3 +137,28 @@ def test_underscores_and_equals_signs_are_understood(options: list[str], tmp_pat
     args = ["import", str(tmp_path / "none"), "--track", "dark", "--scene", "x", "--out", str(tmp_path / "d")]
     assert main([*args, *options]) == 2
     assert "got nothing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("export s --format colmp --out q", "expected a value of --format that exists, got 'colmp' (did you"),
+        ("export s --format=crossant --out q", "(did you mean 'croissant'?)"),
+        ("report r --summary junti", "(did you mean 'junit'?)"),
+        ("salt nwe x", "that exists, got 'nwe' (did you mean 'new'?)"),
+        ("completion bsh", "(did you mean 'bash'?)"),
+        ("speed enginee", "(did you mean 'engine'?)"),
+        ("import f --track dark --scene x --out d --mask-object blak", "(did you mean 'black'?)"),
+    ],
+)
+def test_a_misspelt_choice_is_met(command: str, said: str, capsys: Capture):
+    assert main(command.split()) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_misspelt_scene_is_met(tmp_path: Path, capsys: Capture):
+    for scene in ("corridor-0001", "corridor-0002"):
+        (tmp_path / "dark" / scene / "capture").mkdir(parents=True)
+        (tmp_path / "dark" / scene / "capture" / "manifest.json").write_text("{}")
+    assert main(["score", "p", str(tmp_path / "dark" / "coridor-0002")]) == 2
+    assert "got 'coridor-0002' (did you mean 'corridor-0002'?)" in capsys.readouterr().err

@@ -7,16 +7,28 @@ import dataclasses
 import inspect
 import shutil
 import textwrap
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeVar, get_origin, get_type_hints, runtime_checkable
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    Protocol,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+    runtime_checkable,
+)
 
 import tyro
 
-from graycard._errors import GraycardError
+from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._terminal import Terminal
 
 _NEAR = 0.6
@@ -90,6 +102,51 @@ def _is_number(text: str) -> bool:
 def near_option(option: str, known: Iterable[str]) -> str | None:
     """Return the known option that an unknown one is most like, if any is."""
     return next(iter(get_close_matches(option.replace("_", "-"), known, n=1, cutoff=_NEAR)), None)
+
+
+def check_choices(kind: type[Any], args: Sequence[str]) -> None:
+    """Refuse a value that is none of those that an option knows, and name the one that it is most like.
+
+    Args:
+        kind: Dataclass of the verb's options.
+        args: Arguments after the verb.
+
+    Raises:
+        UnknownNameError: There is one.
+    """
+    hints = get_type_hints(kind, include_extras=True)
+    values = {"--" + name.rstrip("_").replace("_", "-"): _choices(hint) for name, hint in hints.items()}
+    for option, found in _valued(args):
+        known = values.get(option)
+        if known and found not in known:
+            raise UnknownNameError(f"value of {option}", found, known)
+    first = next((name for name, hint in hints.items() if _is_positional(hint)), "")
+    known = _choices(hints[first]) if first else ()
+    if args and known and not args[0].startswith("-") and args[0] not in known:
+        raise UnknownNameError(first, args[0], known)
+
+
+def _choices(hint: Any) -> tuple[str, ...]:
+    """Return the texts that a hint allows; none where it allows others as well."""
+    origin = get_origin(hint)
+    if origin is Literal:
+        return tuple(map(str, get_args(hint)))
+    if origin is Annotated:
+        return _choices(get_args(hint)[0])
+    if origin not in (Union, UnionType):
+        return ()
+    parts = [part for part in get_args(hint) if part is not NoneType]
+    found = [_choices(part) for part in parts]
+    return tuple(dict.fromkeys(chain(*found))) if all(found) else ()
+
+
+def _valued(args: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield options that have one value each, until ``--``; options have hyphens."""
+    own = [*takewhile(lambda arg: arg != "--", args)]
+    for arg, after in zip(own, [*own[1:], ""], strict=False):
+        if arg.startswith("--"):
+            option, equals, value = arg.partition("=")
+            yield option.replace("_", "-"), value if equals else after
 
 
 def refuse(rest: Sequence[str], command: str, known: Collection[str]) -> None:
