@@ -21,7 +21,8 @@ from graycard.reports.history._reasons import Reasons, load_reasons
 
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""
-_ANCHOR = re.compile(rb'(?:id|data-part)="(claim-[^"]+)"')
+_ANCHOR = re.compile(rb'\b(?:id="|href="#)(claim-[^"]+)"')
+"""Place of a claim in a report, or a link to one that is drawn when it is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,7 @@ class Published:
     folder: Path
     ledger: Ledger | None
     anchors: frozenset[str]
-    """Claims that its report has a section of, by the id of that section."""
+    """Claims that its report can be opened at, by the part of the address behind ``#``."""
 
     @property
     def report(self) -> Path:
