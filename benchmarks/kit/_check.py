@@ -30,8 +30,10 @@ from graycard.tiny import write_tiny_scene
 
 TRAIN, TEST = 6, 2
 """Views of a tiny scene."""
-STAGE_S = 40.0
-"""Seconds that a stage may take by default."""
+STAGE_S = 120.0
+"""Seconds that a stage may take by default: some, unless the machine is busy."""
+_MEETING_S = 1800.0
+"""Seconds in which a method is imported, and its kernels are compiled."""
 _REMOVAL = "tabletop"
 _STAGES = 20
 """Stages that a worker runs at most."""
@@ -84,7 +86,9 @@ def check_method(
     with scratch_folder() as folder, closing(_worker(timeout_s)) as worker:
         check = _Check(folder, worker, progress)
         first = Trial(method, settings or {}, priors or PriorSpec(), check.scene(TRACKS[0]), folder, allowed)
-        found = check.met(first, ask_oracle=priors is None)
+        with closing(_worker(_MEETING_S)) as patient:
+            told = replace(check, worker=patient).told(first)
+        found = check.met(first, told, ask_oracle=priors is None)
     return replace(found, faults=once(found.faults), seconds=time.monotonic() - begun)
 
 
@@ -109,17 +113,23 @@ class _Check:
             return there
         return write_tiny_scene(self.folder / "data", track, train=TRAIN, test=TEST, points=True)
 
-    def met(self, trial: Trial, *, ask_oracle: bool) -> Findings:
-        """Import the method, then fit it.
+    def told(self, trial: Trial) -> tuple[Any, tuple[Fault, ...]]:
+        """Import the method, and return what it says of itself (nothing if it cannot), and its faults."""
+        told = self._done(MEET, trial) or ({}, (self._end(MEET),))
+        self.progress(0.2, "imported")
+        return told
+
+    def met(self, trial: Trial, met: tuple[Any, tuple[Fault, ...]], *, ask_oracle: bool) -> Findings:
+        """Fit the method.
 
         Args:
             trial: The method with the settings of whoever asks.
+            met: What it says of itself, and its faults so far.
             ask_oracle: Whether the oracle may answer what the method has to ask.
         """
-        told, faults = self._done(MEET, trial) or ({}, ())
-        self.progress(0.2, "imported")
+        told, faults = met
         if not told:
-            return Findings(trial.method, faults or (self._end(MEET),))
+            return Findings(trial.method, faults)
         trial = with_settings(trial, told)
         if ask_oracle and any(not ask.optional for ask in asks_in(told["asks"])):
             trial = replace(trial, priors=_ORACLE)

@@ -36,7 +36,7 @@ _SILENT_S = 3.0
 _REPEATED = 1e-4
 """Share of a layer's range by which a second fit, or what was loaded, may differ."""
 _SEED = 0
-MEET, TRY, AGAIN, STOP, REMOVE = "meet", "try", "again", "stop", "remove"
+MEET, TRY, AGAIN, REMOVE = "import", "fit", "fit again", "remove"
 """Names of the stages."""
 
 
@@ -110,6 +110,7 @@ def meet(trial: Trial) -> Outcome:
             method.watch()
             known = method.load(trial.settings)
             faults += [Fault("settings", f.what) for f in of_kind(method.facts(), "settings-not-frozen")]
+            method.compile()
             return {"settings": _fewer_steps(trial, known), "asks": to_builtins(list(known.asks))}
 
     def done() -> Outcome:
@@ -142,7 +143,6 @@ def _tried(course: _Course) -> Result:
             return Result(refused=str(error))
         return Result(tuple(progress) or (fault_of(error, _cause_of(error)),))
     faults += _of_progress(method)
-    called = bool(of_kind(method.facts(), "progress"))
     rendered = rendered_views(method, made, course.capture, faults)
     faults += faults_of_decomposition(method, made, course.capture, rendered)
     lights = lights_of(made, faults)
@@ -161,7 +161,6 @@ def _tried(course: _Course) -> Result:
         able = (REMOVE,)
     if renders and not any(fault.name == "stateful" for fault in faults):
         able = (*able, AGAIN)
-    able = (*able, STOP) if called else able
     return Result(tuple(faults), "", able, provides)
 
 
@@ -171,7 +170,14 @@ def _are_of_values(faults: list[Fault]) -> bool:
 
 
 def _repeated(course: _Course) -> Result:
-    """Fit a second time with the same seed, and load what the first fit saved."""
+    """Fit a second time with the same seed, load what the first fit saved, and stop a third fit."""
+    faults = _again(course)
+    if not of_kind(course.method.facts(), "progress"):
+        return Result(faults)
+    return Result((*faults, *_stopped(course)))
+
+
+def _again(course: _Course) -> tuple[Fault, ...]:
     view = course.capture.test[0]
     made, faults = course.fit(), list[Fault]()
     names = sorted(made.provides)
@@ -180,17 +186,17 @@ def _repeated(course: _Course) -> Result:
     if found := differences(before, again, _REPEATED):
         faults.append(Fault("seed", f"view {view.name}: {', '.join(found)}"))
     if not course.trial.saved.is_dir():
-        return Result(tuple(faults))
+        return tuple(faults)
     try:
         loaded = course.method.restored(course.trial.saved)
         after = usable(loaded.render(view.camera, sorted(loaded.provides)), view.camera)
     except GraycardError as error:
-        return Result((*faults, fault_of(error, "load")))
+        return (*faults, fault_of(error, "load"))
     found = differences(before, after, _REPEATED)
     if missing := sorted({*before} - {*after}):
         found.append(f"{missing[0]} is not there")
     faults += [Fault("round-trip", ", ".join(found))] if found else []
-    return Result(tuple(faults))
+    return tuple(faults)
 
 
 def _rendered_before(trial: Trial, view: str) -> dict[str, Any]:
@@ -198,16 +204,16 @@ def _rendered_before(trial: Trial, view: str) -> dict[str, Any]:
     return open_predictions(trial.predictions).layers(view)
 
 
-def _stopped(course: _Course) -> Result:
+def _stopped(course: _Course) -> tuple[Fault, ...]:
     """Stop a fit at its first call of progress, as Ctrl-C does."""
     course.method.watch(stops=True)
     with suppress(GraycardError):
         course.fit()
     ended = of_kind(course.method.facts(), "fit-ended")
     if not ended or ended[0].what == "KeyboardInterrupt":
-        return Result()
+        return ()
     went_on = "went on to its end" if ended[0].what == "returned" else f"raised {ended[0].what} instead"
-    return Result((Fault("cancel", f"the fit was told to stop, and {went_on}"),))
+    return (Fault("cancel", f"the fit was told to stop, and {went_on}"),)
 
 
 def _removed(course: _Course) -> Result:
@@ -222,7 +228,6 @@ def _removed(course: _Course) -> Result:
 _STAGES: Mapping[str, Callable[[_Course], Result]] = {
     TRY: _tried,
     AGAIN: _repeated,
-    STOP: _stopped,
     REMOVE: _removed,
 }
 
@@ -271,7 +276,6 @@ def _staged(trial: Trial, stage: Callable[[_Course], Result]) -> Outcome:
         try:
             with scratch_folder() as copies, _process(trial, copies) as method:
                 known = method.load(trial.settings)
-                method.compile()
                 with copied_capture(trial.scene / "capture", copies / "a" / "capture") as capture:
                     return Outcome(value=stage(_Course(trial, method, known, capture)))
         except GraycardError as error:

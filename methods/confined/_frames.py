@@ -3,7 +3,7 @@
 
 import sys
 import traceback
-from collections.abc import Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -40,7 +40,8 @@ def places_of_code(name: str) -> tuple[str, ...]:
     return (str(place if place.parent.name in _INSTALLED else place.parent),)
 
 
-def is_own(file: str, own: Sequence[str]) -> bool:
+@cache
+def is_own(file: str, own: tuple[str, ...]) -> bool:
     """Tell whether a file of code is one of the method's, libraries in its folder left out."""
     path = Path(file)
     if path.is_relative_to(_HERE):
@@ -51,14 +52,14 @@ def is_own(file: str, own: Sequence[str]) -> bool:
     )
 
 
-def own_trace(error: BaseException, own: Sequence[str]) -> str:
+def own_trace(error: BaseException, own: tuple[str, ...]) -> str:
     """Return the traceback of an error, cut to the method's own lines; the whole one if there are none."""
     told = traceback.TracebackException.from_exception(error)
     _cut(told, own)
     return "".join(told.format())
 
 
-def _cut(told: traceback.TracebackException | None, own: Sequence[str]) -> None:
+def _cut(told: traceback.TracebackException | None, own: tuple[str, ...]) -> None:
     """Leave frames of the method's own files alone, in an error and in what it came from."""
     if told is None:
         return
@@ -75,7 +76,7 @@ def _is_machinery(file: str) -> bool:
     return file.startswith("<frozen ") or "importlib" in Path(file).parts or Path(file).is_relative_to(_HOUSE)
 
 
-def is_called_by(own: Sequence[str], depth: int = 1) -> bool:
+def is_called_by(own: tuple[str, ...], depth: int = 1) -> bool:
     """Tell whether a line of the method's own code is what led here."""
     frame = sys._getframe(depth)
     while frame is not None:

@@ -70,9 +70,6 @@ def serve(channel: Channel) -> None:
     Raises:
         ChannelError: It has.
     """
-    warnings.filterwarnings(
-        "ignore", "Could not obtain multiprocessing lock"
-    )  # Numba's, for want of /dev/shm
     answer_all(Server(channel))
 
 
@@ -82,6 +79,9 @@ def answer_all(server: "Server") -> None:
     Raises:
         ChannelError: It has.
     """
+    warnings.filterwarnings(
+        "ignore", "Could not obtain multiprocessing lock"
+    )  # Numba's, for want of /dev/shm
     channel = server.channel
     while True:
         request = channel.receive()

@@ -173,7 +173,7 @@ class CodeOfOthersError(Exception):
         return f"\n{self.args[0]}"
 
 
-def error_out(error: BaseException, own: Sequence[str] = ()) -> dict[str, str]:
+def error_out(error: BaseException, own: tuple[str, ...] = ()) -> dict[str, str]:
     """Return an error as JSON data, with the traceback of its cause where that is not graycard's.
 
     Args:

@@ -59,7 +59,7 @@ class TestMethodCommand:
     allow: Annotated[tuple[Path, ...], optional("PATH ...")] = ()
     """Let the method read and change these files and folders."""
     timeout: Timeout = None
-    """Seconds that each of its fits may take; 40 by default."""
+    """Seconds that each of its fits may take; 120 by default."""
     python: Annotated[str | None, optional("PATH")] = None
     """Interpreter of a command, as /envs/theirs/bin/python."""
     folder: Annotated[str | None, optional("FOLDER")] = None
