@@ -9,16 +9,21 @@ import numpy as np
 
 from graycard import Truth, View
 from graycard.dataset import HeldOut, open_held_out
-from graycard.records import MetricRecord, PhotographSheet, Score
+from graycard.records import PhotographSheet
 from graycard.reports._comparison import THUMBNAIL_SIDE, Gallery, ViewPictures
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, handed_in
-from graycard.reports._format import count, format_value
+from graycard.reports._format import count
+from graycard.reports.captures._lights import FoundLight, found_lights
+from graycard.reports.captures._scores import ScoreTable, score_table
 from graycard.reports.pictures._layer_rows import LayerRow, bare_row, judged_layer, layer_row
 from graycard.reports.pictures._pictures import PagePicture, light_picture, shrink
 
 MAX_VIEWS = 3
 """Held-out views whose pictures are embedded: first, middle and last."""
 MAX_THUMBNAILS = 12
+MAX_SIDE = 256
+"""Pixels of a picture: photographs have more to show than small rendered scenes."""
+MODEL_UNIT = "units of the imported cameras"
 _LAYERS = (
     "base_color", "normal", "depth", "roughness", "metallic", "f0", "diffuse", "specular", "shading",
     "counterfactual.radiance",
@@ -33,29 +38,6 @@ class CaptureRow:
     name: str
     predictions: Path
     sheet: PhotographSheet
-
-
-@dataclass(frozen=True, slots=True)
-class ScoreCell:
-    """One number, or the word that stands there instead."""
-
-    text: str
-    status: str
-    reason: str = ""
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class MetricLine:
-    """One metric of all methods."""
-
-    title: str
-    unit: str
-    arrow: str
-    formula: str
-    cells: tuple[ScoreCell, ...]
-    views: tuple[tuple[str, tuple[ScoreCell, ...]], ...]
-    """By held-out view: the same of each method."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +58,8 @@ class CapturePage:
     kind: str
     described: str
     methods: tuple[str, ...]
-    lines: tuple[MetricLine, ...]
+    scores: ScoreTable
+    lights: tuple[FoundLight, ...]
     views: tuple[ViewGallery, ...]
     held_out: int
     lacking: tuple[str, ...]
@@ -105,7 +88,7 @@ def capture_page(scene: Path, rows: Sequence[CaptureRow]) -> CapturePage:
     shown = _spread(held.views, MAX_VIEWS)
     methods = [_exposed(handed_in(row.name, row.predictions, shown), held, shown) for row in rows]
     evidence = _evidence(held, shown)
-    radiance = judged_layer("radiance", evidence, methods)
+    radiance = replace(judged_layer("radiance", evidence, methods), side=MAX_SIDE)
     capture = held.capture
     return CapturePage(
         capture.scene,
@@ -113,7 +96,8 @@ def capture_page(scene: Path, rows: Sequence[CaptureRow]) -> CapturePage:
         rows[0].sheet.kind,
         _described(held),
         tuple(row.name for row in rows),
-        tuple(_line(record, rows) for record in rows[0].sheet.metrics),
+        score_table([(row.name, row.sheet) for row in rows]),
+        found_lights(methods),
         tuple(
             ViewGallery(view.name, layer_row(radiance, view, evidence, methods), _layers(held, view, methods))
             for view in shown
@@ -148,49 +132,28 @@ def _exposed(method: MethodEvidence, held: HeldOut, shown: Sequence[View]) -> Me
 def _layers(held: HeldOut, view: View, methods: Sequence[MethodEvidence]) -> tuple[LayerRow, ...]:
     given = {name for method in methods for name in method.layers.get(view.name, {})}
     names = [name for name in _LAYERS if name in given]
-    return tuple(bare_row(name, view, held.capture.exposure, methods) for name in names)
+    return tuple(_of_model(bare_row(name, view, held.capture.exposure, methods, MAX_SIDE)) for name in names)
 
 
-def _line(record: MetricRecord, rows: Sequence[CaptureRow]) -> MetricLine:
-    found = [_score_of(row.sheet, record.id) for row in rows]
-    views = dict.fromkeys(view for score in found if score for view in score.per_view)
-    return MetricLine(
-        record.title,
-        "" if record.unit == "1" else record.unit,
-        "↑" if record.higher_is_better else "↓",
-        record.formula,
-        tuple(_cell(score, record.unit) for score in found),
-        tuple((view, tuple(_view_cell(score, view, record.unit) for score in found)) for view in views),
+def _of_model(row: LayerRow) -> LayerRow:
+    """Return a row without metres: what a metre is in an imported model is not known."""
+    if row.unit != "m" or row.value_scale is None:
+        return row
+    return replace(
+        row, unit=MODEL_UNIT, values="of these units", value_scale=replace(row.value_scale, unit=MODEL_UNIT)
     )
-
-
-def _score_of(sheet: PhotographSheet, metric: str) -> Score | None:
-    return next((score for score in sheet.scores if score.metric == metric), None)
-
-
-def _cell(score: Score | None, unit: str) -> ScoreCell:
-    if score is None:
-        return ScoreCell("–", "not provided")
-    if score.value is None:
-        return ScoreCell("–" if score.status == "not provided" else "failed", score.status, score.reason)
-    taken = score.breakdown.get("as_taken")
-    note = "" if taken is None else f"as taken {format_value(taken, unit)}"
-    return ScoreCell(format_value(score.value, unit), "scored", note=note)
-
-
-def _view_cell(score: Score | None, view: str, unit: str) -> ScoreCell:
-    value = score.per_view.get(view) if score else None
-    if value is None:
-        return ScoreCell("–", "not provided")
-    return ScoreCell(format_value(value, unit), "scored")
 
 
 def _described(held: HeldOut) -> str:
     camera, train = held.capture.views[0].camera, len(held.capture.train)
-    return (
+    told = (
         f"{count(train, 'training photograph')} and {count(len(held.views), 'held-out one')} of "
         f"{camera.width} × {camera.height} pixels"
     )
+    sensor = held.capture.sensor
+    exposures = [*(sensor.exposures.values() if sensor else ()), *map(held.exposure, held.views)]
+    span = max(exposures) / min(exposures)
+    return told if span < 1.01 else f"{told}; exposures up to {span:.3g} times apart"
 
 
 def _thumbnail(held: HeldOut, view: View) -> PagePicture:

@@ -96,6 +96,8 @@ class JudgedLayer:
     high: float
     title: str = ""
     """In the place of the name of the layer."""
+    side: int = MAX_SIDE
+    """Pixels of a picture; larger ones are averaged down by a whole factor."""
 
 
 def title_of(layer: str) -> str:
@@ -155,12 +157,14 @@ def layer_row(
     )
 
 
-def bare_row(name: str, view: View, exposure: float, methods: Sequence[MethodEvidence]) -> LayerRow:
+def bare_row(
+    name: str, view: View, exposure: float, methods: Sequence[MethodEvidence], side: int = MAX_SIDE
+) -> LayerRow:
     """The pictures of a layer in one view, of which no truth is known: no error is shown."""
     title, mask = title_of(name), np.ones((view.camera.height, view.camera.width), bool)
     found = [usable_layer(method, view, name, mask)[0] for method in methods]
     low, high = _value_range([values for values in found if values is not None] or [np.zeros(1)])
-    layer = JudgedLayer(name, exposure, {}, {}, 1.0, low, high)
+    layer = JudgedLayer(name, exposure, {}, {}, 1.0, low, high, side=side)
     return LayerRow(
         title,
         _unit_of(name),
@@ -228,7 +232,7 @@ def _error(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -
         return Tile()
     typical = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
     alt = f"error of {title}, {view.name}: {method.method}, mean {format_number(typical)}"
-    return Tile(map_picture(shrink(error, MAX_SIDE), layer.error_high, alt))
+    return Tile(map_picture(shrink(error, layer.side), layer.error_high, alt))
 
 
 def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
@@ -238,12 +242,12 @@ def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: 
     seen = ratio[~np.isnan(ratio)]
     within = f"{(seen <= 2).mean():.0%} of the pixels within 2" if seen.size else "no pixel is judged"
     alt = f"error to noise of {title}, {view.name}: {method.method}, {within}"
-    small = shrink(np.minimum(ratio, 2 * NOISE_HIGH), MAX_SIDE)  # one wild pixel must not fill its block
+    small = shrink(np.minimum(ratio, 2 * NOISE_HIGH), layer.side)  # one wild pixel must not fill its block
     return Tile(map_picture(small, NOISE_HIGH, alt), note=within)
 
 
 def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> PagePicture:
-    small = shrink(values.astype(np.float64), MAX_SIDE)
+    small = shrink(values.astype(np.float64), layer.side)
     if layer.name == "normal":
         return direction_picture(small, alt)
     if _is_number(layer.name):

@@ -3,17 +3,24 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from graycard import RecordError, View
+from graycard import EnvironmentLight, PointLight, Predictions, RecordError, View
 from graycard.cli import main
 from graycard.dataset import open_held_out
 from graycard.eval import score_photographs
+from graycard.io import write_rgb
+from graycard.predictions import finish_predictions
 from graycard.reports import CaptureRow, write_capture_report
-from graycard.reports.captures._page import capture_page
+from graycard.reports._evidence import MethodEvidence, handed_in
+from graycard.reports.captures._lights import MOST_LIGHTS, found_lights
+from graycard.reports.captures._page import MAX_SIDE, MODEL_UNIT, capture_page
+from graycard.reports.captures._scores import score_table
+from graycard.reports.pictures._layer_rows import bare_row
 from graycard.reports.pictures._pictures import seen_picture
 from real_captures import import_bracketed, import_tiny, predict_photographs
 
@@ -110,3 +117,80 @@ def test_the_verb_writes_the_page(rows: list[CaptureRow], capsys: pytest.Capture
     assert main(["report", str(scene), "--predictions", f"mine={rows[0].predictions}"]) == 0
     assert str(scene / "report" / "index.html") in capsys.readouterr().out
     assert (scene / "report" / "index.html").is_file()
+
+
+def test_a_method_is_a_row_and_the_best_of_several_is_marked(rows: list[CaptureRow]) -> None:
+    """The first method predicts the very photographs."""
+    table = score_table([(row.name, row.sheet) for row in rows])
+    assert [head.title for head in table.heads[:2]] == ["PSNR", "SSIM"]
+    assert [row.method for row in table.rows] == ["right", "<b>"]
+    psnr = [row.cells[0] for row in table.rows]
+    assert (psnr[0].text, psnr[0].best) == ("∞", True)
+    assert not psnr[1].best
+    views = rows[0].sheet.scores[0].per_view
+    assert [(row.method, row.view) for row in table.by_view] == [
+        (n, v) for n in ("right", "<b>") for v in views
+    ]
+    assert len(views) == 3
+    alone = score_table([(rows[0].name, rows[0].sheet)])
+    assert not any(cell.best for cell in alone.rows[0].cells), "one method has no rival"
+
+
+def test_what_was_taken_is_told_where_it_is_another_number(rows: list[CaptureRow]) -> None:
+    sheet = rows[1].sheet
+    same, other = (replace(score, breakdown={"as_taken": 12.5}, value=12.5) for score in sheet.scores[:2])
+    found = replace(sheet, scores=(same, replace(other, value=0.25)), metrics=sheet.metrics[:2])
+    (row,) = score_table([("mine", found)]).rows
+    assert [(cell.text, cell.note) for cell in row.cells] == [("12.50", ""), ("0.250", "as taken 12.500")]
+
+
+def test_depth_of_an_imported_model_is_not_in_metres(rows: list[CaptureRow]) -> None:
+    page = capture_page(scene_of(rows), rows)
+    found = {row.title: row for view in page.views for row in view.layers}
+    assert found["Depth"].unit == MODEL_UNIT
+    assert found["Depth"].value_scale
+    assert found["Depth"].value_scale.unit == MODEL_UNIT
+    assert found["Base color"].unit == "reflectance, 1 is white"
+
+
+def test_pictures_of_a_capture_may_be_larger(rows: list[CaptureRow]) -> None:
+    small = open_held_out(scene_of(rows)).views[0]
+    view = replace(small, camera=replace(small.camera, width=300, height=150))
+    layers = {view.name: {"base_color": np.full((150, 300, 3), 0.5, np.float32)}}
+    for side, width in ((128, 100), (MAX_SIDE, 150), (300, 300)):
+        (tile,) = bare_row("base_color", view, 1.0, [MethodEvidence("mine", layers=layers)], side).predictions
+        assert tile.picture
+        assert (tile.picture.width, tile.picture.height) == (width, width // 2)
+
+
+def test_exposures_that_differ_are_told(tmp_path: Path, write_tiny: Callable[..., Path]) -> None:
+    scene = import_bracketed(tmp_path, write_tiny, (0.5, 2.0, 4.0))
+    mine = predict_photographs(tmp_path / "mine", scene)
+    page = capture_page(scene, [CaptureRow("mine", mine, score_photographs(mine, scene))])
+    assert page.described.endswith("pixels; exposures up to 8 times apart")
+
+
+def test_lights_are_listed_the_brightest_first(tmp_path: Path) -> None:
+    lamps = [
+        PointLight(f"lamp-{n}", (float(n), 0.0, 2.0), (n + 1.0, n + 1.0, n + 1.0), "camera")
+        for n in range(25)
+    ]
+    write_rgb(tmp_path / "sky.exr", np.ones((4, 8, 3), np.float32))
+    sky = EnvironmentLight("sky", "sky.exr")
+    finish_predictions(tmp_path, Predictions("mine", "dark", "cellar"), (sky, *lamps))
+    found = found_lights([handed_in("mine", tmp_path, [])])
+    assert len(found) == MOST_LIGHTS + 1
+    assert (found[0].name, found[0].kind, found[0].place) == ("lamp-24", "point", "24, 0, 2 on the camera")
+    assert found[0].intensity == "25, 25, 25"
+    assert found[-1].name == "6 more"
+
+
+def test_lights_that_cannot_be_read_are_told_and_none_are_no_list(
+    rows: list[CaptureRow], tmp_path: Path
+) -> None:
+    assert found_lights([handed_in("right", rows[0].predictions, [])]) == ()
+    finish_predictions(tmp_path, Predictions("mine", "dark", "cellar"), ())
+    assert [light.name for light in found_lights([handed_in("mine", tmp_path, [])])] == ["no light"]
+    (tmp_path / "lights.json").write_text("[")
+    (told,) = found_lights([handed_in("mine", tmp_path, [])])
+    assert told.name.startswith("cannot be read: ")
