@@ -118,6 +118,7 @@ def test_sentences_end_at_marks_and_not_at_decimals():
     assert len(sentences("It has 2.5 dB, e.g. here. Then more? Yes. `code` follows.")) == 4
     assert [words(s) for s in sentences("One [two three](a/b.md) `four five`.")] == [4]
     assert prose_of("a b\nc\n\n- d e\n  f\n1. g\n2. h").sentences == ("a b c", "d e f", "g", "h")
+    assert prose_of("It is 1014. The rest").sentences == ("It is 1014.", "The rest")
     assert prose_of("table 1013 and\n1014. The rest").sentences == ("table 1013 and 1014.", "The rest")
 
 

@@ -72,8 +72,9 @@ def prose_of(text: str) -> Prose:
         if not stripped or stripped.startswith(("|", "#", "![", "<!--", ":::")) or written:
             begin = True
         elif begin or _BULLET.match(line) or (listed and _ENTRY.match(line)):
-            listed = _ENTRY.match(line) is not None
-            paragraphs.append(_ENTRY.sub("", line, count=1).strip())
+            entry = _ENTRY.match(line)
+            listed = entry is not None
+            paragraphs.append(line[entry.end() :].strip() if entry else stripped)
             begin = False
         else:
             paragraphs[-1] += f" {stripped}"
