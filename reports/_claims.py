@@ -68,7 +68,7 @@ class ClaimGroup:
     about: str
     """Sentence below the title; empty for claims of the paper itself."""
     counted: str
-    """How many claims came to which verdict."""
+    """Counts: how many claims came to which verdict."""
     claims: tuple[ClaimRow, ...]
 
 
@@ -83,12 +83,12 @@ class PaperRows:
 
 @dataclass(frozen=True, slots=True)
 class ClaimsSection:
-    """What the run says of papers."""
+    """Statements of a run about papers."""
 
     papers: tuple[PaperRows, ...]
     rules: Mapping[str, str]
     stale: bool
-    """Whether ``run.json`` has changed since."""
+    """True if ``run.json`` has changed since."""
     legend: Mapping[str, str]
     """Verdicts on claims of papers, and what they mean."""
     level: str = ""

@@ -37,7 +37,7 @@ class Gallery:
 
 
 def build_gallery(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Gallery:
-    """The pictures of a scene, with one error scale a layer for all methods and views.
+    """Return the pictures of a scene, with one error scale a layer for all methods and views.
 
     Raises:
         DatasetError: A training photograph is missing or broken.
@@ -65,7 +65,7 @@ def _shown_names(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> lis
 
 
 def _is_value(name: str) -> bool:
-    """Whether a layer is a quantity of its own, no statistic of another."""
+    """Return whether a layer is a quantity of its own, no statistic of another."""
     return not name.endswith((".var", ".half_a", ".half_b"))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the folders of a run hold about one scene; what is missing or broken becomes a reason, no error."""
+"""Evidence about one scene in the folders of a run; what is missing or broken becomes a reason, no error."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,7 +54,9 @@ class SceneEvidence:
         return tuple(v for v in self.truth.views if v.split == "test")
 
     def mask(self, layer: str, view: View) -> np.ndarray:
-        """Where an error of a layer is shown, ``(H, W)``: on surfaces; of base colour not on lights."""
+        """Return where an error of a layer is shown, ``(H, W)``: on surfaces; of base colour not on
+        lights.
+        """
         ids = self.layers[view.name].get("object_id")
         if ids is None:
             return np.ones((view.camera.height, view.camera.width), bool)
@@ -62,7 +64,7 @@ class SceneEvidence:
         return (ids > 0) & ~np.isin(ids, sorted(left_out))
 
     def at(self, view: View) -> "SceneEvidence":
-        """The same scene with another test view to be shown.
+        """Return the same scene with another test view to be shown.
 
         Raises:
             DatasetError: The file of the view is missing or broken.
@@ -72,7 +74,7 @@ class SceneEvidence:
 
 @dataclass(frozen=True, slots=True)
 class MethodEvidence:
-    """What one method handed in for a scene."""
+    """Predictions that one method handed in for a scene."""
 
     method: str
     fault: str = ""
@@ -92,16 +94,18 @@ class MethodEvidence:
     seeds: int = 1
     """Number of jobs, of which the first is shown."""
     competes: bool = True
-    """Whether it was handed the photographs alone."""
+    """True if it was handed the photographs alone."""
     predictions: Predictions | None = None
-    """Where more views can be read from."""
+    """Source of more views."""
 
     def layer(self, view: str, name: str) -> np.ndarray | None:
-        """A predicted layer; None where it is not provided."""
+        """Return a predicted layer; None where it is not provided."""
         return self.layers.get(view, {}).get(name)
 
     def at(self, view: View) -> "MethodEvidence":
-        """The same method with the layers of another view; what cannot be read is a fault of that view."""
+        """Return the same method with the layers of another view; what cannot be read is a fault of that
+        view.
+        """
         if self.predictions is None:
             return self
         layers, faults = _read_views(self.predictions, [view])
@@ -109,7 +113,7 @@ class MethodEvidence:
 
 
 def open_scene(folder: Path) -> SceneEvidence:
-    """The truth and capture of a scene folder, the layers of a few test views among it.
+    """Return the truth and capture of a scene folder, the layers of a few test views among it.
 
     Raises:
         DatasetError: A file is missing or broken.
@@ -126,7 +130,9 @@ def open_scene(folder: Path) -> SceneEvidence:
 def open_method(
     run: Path, results: Sequence[JobResult], views: Sequence[View], competes: bool = True
 ) -> MethodEvidence:
-    """What a method handed in for a scene, from its first job that is not failed, or from its first."""
+    """Return what a method handed in for a scene, from its first job that is not failed, or from its
+    first.
+    """
     result = next((r for r in results if r.status == "done"), results[0])
     method, seeds = result.job.method, len(results)
     if result.status == "failed":

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which property of a scene an error follows: the true layer with the highest rank correlation."""
+"""Explanations: which property of a scene an error follows: the true layer with the highest rank
+correlation.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -34,7 +36,7 @@ class Explanation:
 
 
 def explain(error: np.ndarray, properties: Layers, region: tuple[slice, slice]) -> Explanation | None:
-    """The property that an error follows most closely in a region; None where all stay below the bar.
+    """Return the property that an error follows most closely in a region; None where all stay below the bar.
 
     Args:
         error: shape ``(H, W)``; NaN outside the mask.
@@ -63,7 +65,7 @@ def rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def scene_properties(layers: Layers, view: View) -> dict[str, np.ndarray]:
-    """What may explain an error in a view, by name, each of shape ``(H, W)``; only what the truth has.
+    """Return what may explain an error in a view, by name, each of shape ``(H, W)``; only what the truth has.
 
     Edges are the largest step to a neighbouring pixel, widened by a pixel: an error at an edge lies on
     either side of it.
@@ -111,7 +113,9 @@ def _deviation(variance: np.ndarray) -> np.ndarray:
 
 
 def _depth_steps(depth: np.ndarray) -> np.ndarray:
-    """Steps of the logarithm: an edge is as strong far away as near. Nothing is far behind everything."""
+    """Return steps of the logarithm: an edge is as strong far away as near. Nothing is far behind
+    everything.
+    """
     seen = np.isfinite(depth) & (depth > 0)
     far = 2 * depth[seen].max() if seen.any() else 1.0
     return steps(np.log(np.where(seen, depth, far)))

@@ -42,7 +42,7 @@ class SceneHash:
 
 
 def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
-    """The run and its environment; each mapping or list of the environment is a group of its own."""
+    """Return the run and its environment; each mapping or list of the environment is a group of its own."""
     own = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
         ("started", format_date(record.started)),
@@ -99,7 +99,7 @@ def _count_jobs(results: Sequence[JobResult]) -> str:
 
 
 def _is_nested(value: Any) -> bool:
-    """A mapping, or a list that holds something nested; a list of plain values is one text."""
+    """Return a mapping, or a list that holds something nested; a list of plain values is one text."""
     if isinstance(value, Mapping):
         return True
     return isinstance(value, list | tuple) and any(isinstance(v, Mapping | list | tuple) for v in value)

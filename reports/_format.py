@@ -10,7 +10,7 @@ _DEFAULT_DECIMALS = 2
 
 
 def format_value(value: float, unit: str) -> str:
-    """A score as text, with the decimals of its unit, so that a column of one unit aligns.
+    """Return a score as text, with the decimals of its unit, so that a column of one unit aligns.
 
     Examples:
         >>> format_value(31.456, "dB"), format_value(math.inf, "dB"), format_value(-0.5, "1")
@@ -26,7 +26,7 @@ def format_value(value: float, unit: str) -> str:
 
 
 def format_number(value: float) -> str:
-    """A number of any size with three significant digits.
+    """Return a number of any size with three significant digits.
 
     Examples:
         >>> format_number(0.012345), format_number(-4.0)
@@ -36,7 +36,7 @@ def format_number(value: float) -> str:
 
 
 def format_p(p: float) -> str:
-    """A p value with as many digits as a reader uses.
+    """Return a p value with as many digits as a reader uses.
 
     Examples:
         >>> format_p(0.0234), format_p(0.00012)
@@ -51,7 +51,7 @@ def format_vector(values: Iterable[float]) -> str:
 
 
 def format_seconds(seconds: float) -> str:
-    """A duration in the unit that fits.
+    """Return a duration in the unit that fits.
 
     Examples:
         >>> format_seconds(4.2), format_seconds(75), format_seconds(3700)
@@ -68,7 +68,7 @@ def format_seconds(seconds: float) -> str:
 
 
 def format_date(moment: str) -> str:
-    """An ISO 8601 time as ``21 November 2026, 09:47 UTC``; anything else as it is."""
+    """Return an ISO 8601 time as ``21 November 2026, 09:47 UTC``; anything else as it is."""
     try:
         found = datetime.fromisoformat(moment)
     except ValueError:
@@ -78,11 +78,11 @@ def format_date(moment: str) -> str:
 
 
 def format_name(name: str) -> str:
-    """An identifier as words, as in ``novel_view`` to ``Novel view``."""
+    """Return an identifier as words, as in ``novel_view`` to ``Novel view``."""
     words = name.replace("_", " ").replace(".", " ")
     return words[:1].upper() + words[1:]
 
 
 def count(number: int, noun: str) -> str:
-    """A number with its noun, as in ``1 scene`` and ``2 scenes``."""
+    """Return a number with its noun, as in ``1 scene`` and ``2 scenes``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -68,13 +68,13 @@ class Page:
     leaks: tuple[AboveCeiling, ...]
     """Scores above their ceiling of methods that were handed nothing."""
     handed_above: str
-    """How many scores of references are above theirs; empty for none."""
+    """Note: how many scores of references are above theirs; empty for none."""
     submitted: tuple[str, ...]
     """Rows of predictions of other code."""
     priors: Mapping[str, PriorBadge]
-    """What priors told a row, by its name; rows without priors are not in it."""
+    """Words on the priors of a row, by its name; rows without priors are not in it."""
     claims: ClaimsSection | None
-    """What papers claim; None where that was not judged."""
+    """Claims of papers; None where that was not judged."""
     counted: str
     failures: tuple[Trouble, ...]
     facts: tuple[FactGroup, ...]
@@ -141,7 +141,7 @@ def build_page(
 
 
 def _read_comparison(run: Path) -> tuple[Comparison | None, str]:
-    """The comparison of a run, or why there is none."""
+    """Return the comparison of a run, or why there is none."""
     try:
         found = read_comparison(run)
     except GraycardError as cause:
@@ -151,7 +151,7 @@ def _read_comparison(run: Path) -> tuple[Comparison | None, str]:
 
 @dataclass(frozen=True, slots=True)
 class _Sources:
-    """What a page is made from beside its run."""
+    """Parts of a page beside its run."""
 
     comparison: Comparison | None
     pictures: Collection[str] | None

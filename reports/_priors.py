@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What priors have told a row beyond its photographs, as a badge beside its name."""
+"""Badges of priors that a row was told its photographs, as a badge beside its name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ class PriorBadge:
     """The priors of a row in a few words, and in a sentence."""
 
     text: str
-    """As in ``oracle 2``."""
+    """Text as in ``oracle 2``."""
     help: str
 
 
 def prior_badges(record: RunRecord) -> dict[str, PriorBadge]:
-    """The badge of each row that priors have told something; rows without priors have none."""
+    """Return the badge of each row that priors have told something; rows without priors have none."""
     found: dict[str, PriorBadge] = {}
     for result in record.results:
         badge = prior_badge(result.job.priors)
@@ -37,7 +37,7 @@ def prior_badges(record: RunRecord) -> dict[str, PriorBadge]:
 
 
 def prior_badge(priors: Mapping[str, Any]) -> PriorBadge | None:
-    """The badge of priors as a job records them; None where no kind has a source.
+    """Return the badge of priors as a job records them; None where no kind has a source.
 
     Args:
         priors: Source, severity, path and ``overrides`` by kind; an override has None for what is as in all
@@ -63,7 +63,7 @@ def _merged(priors: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str,
 
 
 def _short(spec: Mapping[str, Any], usual: Mapping[str, Any]) -> str:
-    """A source with what it depends on; of an override what differs, as in ``5`` or ``kappa 0.3``."""
+    """Return a source with what it depends on; of an override what differs, as in ``5`` or ``kappa 0.3``."""
     source, parts = spec.get("source", "none"), []
     if source != usual.get("source"):
         parts.append(source)
@@ -94,5 +94,5 @@ def _details(spec: Mapping[str, Any]) -> list[str]:
 
 
 def _name(spec: Mapping[str, Any]) -> str:
-    """Of the weights, without the folders of somebody's machine."""
+    """Names of the weights, without the folders of somebody's machine."""
     return PurePath(spec["path"]).name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a run is kept and shown to others: its records and its report, without scenes and predictions."""
+"""Publication of a run: its records and its report, without scenes and predictions."""
 
 import hashlib
 import json

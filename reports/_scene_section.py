@@ -33,7 +33,7 @@ from graycard.reports.tables._tables import (
 
 @dataclass(frozen=True, slots=True)
 class ScenePictures:
-    """What the folders of a scene have to show."""
+    """Contents of the folders of a scene."""
 
     description: str
     settings: tuple[tuple[str, str], ...]
@@ -72,7 +72,7 @@ class SceneSection:
     silent: str
     """Titles of the metrics that no method provides."""
     spreads: tuple[Spread, ...]
-    """Of base colour over published protocols; empty where none was asked for."""
+    """Spread of base colour over published protocols; empty where none was asked for."""
     viewed: tuple[MethodHead, ...]
     """Those of whose single views all values are told: those with pictures."""
     view_rows: tuple[ViewRow, ...]
@@ -94,7 +94,7 @@ def scene_section(
     shown: Collection[str] | None = None,
     kept: FoundPictures | None = None,
 ) -> SceneSection:
-    """A scene with what its folders have to show; what is missing or broken is said in its place.
+    """Return a scene with what its folders have to show; what is missing or broken is said in its place.
 
     Args:
         run: The run folder.
@@ -133,7 +133,7 @@ def scene_section(
 def _pictures(
     run: Path, scene: SceneRecord, results: Sequence[JobResult], methods: Sequence[MethodHead]
 ) -> FoundPictures:
-    """The pictures of a scene, or why there are none; and which methods have nothing to show."""
+    """Return the pictures of a scene, or why there are none; and which methods have nothing to show."""
     try:
         evidence = open_scene(run / scene.folder)
         by_name = [([r for r in results if r.job.method == m.name], not m.sees) for m in methods]

@@ -43,7 +43,7 @@ class Spread:
 
 
 def protocol_spreads(results: Sequence[JobResult], methods: Sequence[str]) -> tuple[Spread, ...]:
-    """The spread of each method's prediction of one scene over protocols; of several seeds the mean.
+    """Return the spread of each method's prediction of one scene over protocols; of several seeds the mean.
 
     Numbers of different units stand on axes of their own. A protocol without a finite value is in the
     table alone.

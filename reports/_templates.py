@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all pages share: templates that escape all that comes from a record, style, script, and the policy."""
+"""Parts that all pages share: templates that escape all that comes from a record, style, script, and the
+policy.
+"""
 
 import base64
 import hashlib
@@ -36,7 +38,7 @@ def map_island() -> str:
 
 
 def content_policy(style: str, script: str) -> str:
-    """A content security policy under which only this style, this script and data: images work.
+    """Return a content security policy under which only this style, this script and data: images work.
 
     Whatever escaped the escaping could still not run, and no browser asks any host for anything.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a report says of each track: what it is about, and by which metrics it is told at the top."""
+"""Words on each track: what it is about, and by which metrics it is told at the top."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,10 +34,10 @@ _TRACKS = {
 
 
 def words_of(track: str) -> TrackWords:
-    """What is said of a track; nothing of an unknown one."""
+    """Words on a track; nothing of an unknown one."""
     return _TRACKS.get(track, TrackWords())
 
 
 def headline_of(track: str, metrics: Sequence[MetricRecord]) -> list[MetricRecord]:
-    """The metrics of a track's leaderboard: those that are headlines anywhere, and its own."""
+    """Return the metrics of a track's leaderboard: those that are headlines anywhere, and its own."""
     return [m for m in metrics if m.headline or m.id in words_of(track).headline]

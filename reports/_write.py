@@ -49,7 +49,7 @@ def write_report(
 
 
 def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
-    """The bytes of the report in one file; arguments and errors as in :func:`write_report`."""
+    """Return the bytes of the report in one file; arguments and errors as in :func:`write_report`."""
     return render_page(_page_of(run, pictures)).encode()
 
 

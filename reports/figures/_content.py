@@ -29,7 +29,7 @@ _SCORES = {
 
 @dataclass(frozen=True, slots=True)
 class FigureSpec:
-    """What a figure is asked to show."""
+    """Request of a figure."""
 
     scene: str
     """``SCENE`` or ``TRACK/SCENE``."""
@@ -39,7 +39,7 @@ class FigureSpec:
     view: str = ""
     """The first held-out view if empty."""
     errors: bool = True
-    """Whether maps of errors stand below the pictures."""
+    """True if maps of errors stand below the pictures."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ class FigureContent:
     """Height of a picture by its width."""
     view: str
     notes: tuple[str, ...]
-    """What a caption has to say: metrics of the scores, and factors that predictions were shown with."""
+    """Contents of a caption: metrics of the scores, and factors that predictions were shown with."""
 
 
 def figure_content(run: Path, spec: FigureSpec) -> FigureContent:

@@ -31,7 +31,7 @@ class StripPicture:
     """One picture of a strip."""
 
     label: str
-    """As in ``best`` and ``error of goris``."""
+    """Title, as ``best`` and ``error of goris``."""
     method: str
     """Whose it is; empty for the photograph and the truth."""
     picture: PagePicture
@@ -40,10 +40,10 @@ class StripPicture:
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """How a page begins with a track."""
+    """Opening of a page by a track."""
 
     part: str
-    """Of a decomposition, in words."""
+    """Part of a decomposition, in words."""
     metric: MetricHead
     verdict: LeaderVerdict
     layer: str
@@ -58,7 +58,7 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """What a strip is about."""
+    """Subject of a strip."""
 
     metric: MetricRecord
     layer: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a page only scenes and predictions can give: all else follows from records and today's rules."""
+"""Pictures, which only scenes and predictions can give: all else follows from records and today's rules."""
 
 import json
 import re

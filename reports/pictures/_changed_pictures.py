@@ -25,7 +25,7 @@ class Change:
     predicted: Callable[[Predictions, View], Mapping[str, np.ndarray] | None]
     """The same of a prediction; None where it has none."""
     gauged: bool
-    """Whether the picture is scored in the gauge of the albedo."""
+    """True if the picture is scored in the gauge of the albedo."""
 
 
 def changed_rows(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> tuple[LayerRow, ...]:
@@ -48,7 +48,7 @@ def changed_rows(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> tup
 
 
 def _changes(truth: Truth) -> Iterator[Change]:
-    """The first change of lights of each kind, and what is put in."""
+    """Yield the first change of lights of each kind, and what is put in."""
     kinds = {edit.kind: edit for edit in reversed(truth.edits)}
     for edit in (e for e in truth.edits if kinds[e.kind] is e):
         yield Change(
@@ -68,7 +68,9 @@ def _changes(truth: Truth) -> Iterator[Change]:
 
 
 def _under(change: Change, method: MethodEvidence, view: View) -> MethodEvidence:
-    """A method with its picture of a change in the place of its own view, or why that cannot be read."""
+    """Return a method with its picture of a change in the place of its own view, or why that cannot
+    be read.
+    """
     gauge = method.relit_gauge if change.gauged else None
     bare = replace(method, layers={}, faults={}, gauge=gauge, gauged="radiance")
     if method.predictions is None or method.fault:

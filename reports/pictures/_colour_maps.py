@@ -26,7 +26,7 @@ _ANCHORS: dict[ColourMap, tuple[tuple[float, float, float], ...]] = {
 
 @cache
 def colour_map(name: ColourMap) -> np.ndarray:
-    """The colours of a map, shape ``(STEPS, 3)``, uint8, sRGB display values."""
+    """Return the colours of a map, shape ``(STEPS, 3)``, uint8, sRGB display values."""
     anchors = np.array(_ANCHORS[name], dtype=np.float64)
     curve = PchipInterpolator(_travelled(anchors), anchors)  # monotone: it overshoots no anchor
     fine = curve(np.linspace(0, _travelled(anchors)[-1], 1001))
@@ -36,7 +36,7 @@ def colour_map(name: ColourMap) -> np.ndarray:
 
 
 def to_index(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Where values lie in a map from ``low`` to ``high``, any shape, uint8; ``STEPS`` where NaN.
+    """Return where values lie in a map from ``low`` to ``high``, any shape, uint8; ``STEPS`` where NaN.
 
     What lies outside, infinities too, takes the colour of the end.
     """

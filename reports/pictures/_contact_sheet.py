@@ -88,7 +88,7 @@ def write_contact_sheets(dataset: Path, out: Path, progress: Progress = silent) 
 
 
 def contact_sheet(scene: Path) -> np.ndarray:
-    """The contact sheet of one scene, ``DATASET/<track>/<scene>``, shape ``(H, W, 3)``, uint8, sRGB.
+    """Return the contact sheet of one scene, ``DATASET/<track>/<scene>``, shape ``(H, W, 3)``, uint8, sRGB.
 
     Raises:
         DatasetError: A file is missing or broken.
@@ -122,7 +122,7 @@ def _title(capture: Capture, truth: Truth | None) -> str:
 
 
 def _photographs(capture: Capture) -> list[Cell]:
-    """Some photographs, evenly spread; the target is outlined where its mask is granted."""
+    """Return some photographs, evenly spread; the target is outlined where its mask is granted."""
     return [Cell(_photograph(capture, view), view.name) for view in _spread(capture.train, MAX_PHOTOGRAPHS)]
 
 
@@ -137,7 +137,7 @@ def _shown_views(truth: Truth) -> list[View]:
 
 
 def _spread(views: Sequence[View], count: int) -> list[View]:
-    """As many views, the first and the last among them."""
+    """Return so many views, the first and the last among them."""
     indices = np.linspace(0, len(views) - 1, min(count, len(views))).round().astype(int)
     return [views[i] for i in indices]
 
@@ -145,7 +145,10 @@ def _spread(views: Sequence[View], count: int) -> list[View]:
 def _layer_groups(
     layers: Mapping[str, np.ndarray], exposure: float, brief: bool
 ) -> Iterator[tuple[str, list[Cell]]]:
-    """The layers by what they tell, each group with its title; of a view in brief the first group only."""
+    """Yield the layers by what they tell, each group with its title.
+
+    Of a view in brief the first group only.
+    """
     left = sorted(layers)
     groups: dict[str, list[str]] = {}
     for title, stems in _GROUPS:
@@ -159,7 +162,9 @@ def _layer_groups(
 
 
 def _changed(truth: Truth, views: Sequence[View], exposure: float) -> list[Image.Image]:
-    """A held-out view under changed lights and with an object put in, where the truth has such pictures."""
+    """Return a held-out view under changed lights and with an object put in, where the truth has such
+    pictures.
+    """
     view = next((view for view in views if view.split == "test"), None)
     if view is None:
         return []
@@ -186,7 +191,7 @@ def _light_lines(rows: Sequence[LightRow]) -> list[str]:
 
 
 def _fit(pixels: np.ndarray) -> Image.Image:
-    """A picture no wider than a cell: enlarged by a whole factor, or averaged down."""
+    """Return a picture no wider than a cell: enlarged by a whole factor, or averaged down."""
     image = Image.fromarray(pixels)
     if image.width <= CELL:
         factor = CELL // image.width
@@ -213,7 +218,7 @@ def _row(cells: Sequence[Cell]) -> Image.Image:
 
 
 def _font_that_fits(draw: ImageDraw.ImageDraw, text: str) -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":
-    """The largest font, of ordinary size at most, in which a caption is no wider than its picture."""
+    """Return the largest font, of ordinary size at most, in which a caption is no wider than its picture."""
     width = draw.textlength(text, ImageFont.load_default(TEXT))
     return ImageFont.load_default(TEXT * min(1.0, CELL / max(width, 1)))
 
@@ -225,7 +230,7 @@ def _heading(text: str, size: int) -> Image.Image:
 
 
 def _beside(picture: Image.Image, lines: Sequence[str]) -> Image.Image:
-    """A picture with lines of text to its right."""
+    """Return a picture with lines of text to its right."""
     line = TEXT + 6
     height = max(picture.height, line * len(lines))
     image = Image.new("RGB", (COLUMNS * (CELL + GAP) - GAP, height), PAPER)

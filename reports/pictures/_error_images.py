@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a predicted layer differs from the true one, a number per pixel, for the eye alone.
+"""Error images: where a predicted layer differs from the true one, a number per pixel, for the eye alone.
 
 The scores of a report come from its record; these images only show where to look.
 """
@@ -18,7 +18,7 @@ NOISE_HIGH = 5.0
 
 
 def error_unit(layer: str) -> str:
-    """The unit of :func:`error_image`."""
+    """Return the unit of :func:`error_image`."""
     match _kind(layer):
         case "angle":
             return "degrees"
@@ -33,7 +33,7 @@ def error_unit(layer: str) -> str:
 def error_image(
     layer: str, predicted: np.ndarray, true: np.ndarray, mask: np.ndarray, exposure: float
 ) -> np.ndarray:
-    """The error in each pixel, shape ``(H, W)``, float64; NaN outside the mask.
+    """Return the error in each pixel, shape ``(H, W)``, float64; NaN outside the mask.
 
     Light: largest difference over the channels of display values, ``|srgb(p·exposure) -
     srgb(t·exposure)|``. Base colour and what else has no unit: the same in linear light. Normal: the
@@ -60,7 +60,7 @@ def error_image(
 def noise_ratio_image(
     predicted: np.ndarray, true: np.ndarray, variance: np.ndarray, mask: np.ndarray
 ) -> np.ndarray:
-    """The error in units of the truth's own noise, shape ``(H, W)``, float64; NaN outside the mask.
+    """Return the error in units of the truth's own noise, shape ``(H, W)``, float64; NaN outside the mask.
 
     ``sqrt(mean over channels of (p - t)² / variance)`` in linear light. A prediction that is exact but for
     the noise of the truth has 1 on average. Where the truth has no noise, the rounding of its float32
@@ -81,7 +81,7 @@ def noise_ratio_image(
 
 
 def shared_scale(errors: Sequence[np.ndarray]) -> float:
-    """The upper end of one colour bar for several error images.
+    """Return the upper end of one colour bar for several error images.
 
     The first of some round numbers that is no less than the 98th percentile of all errors
     above zero: a few wild pixels must not darken the rest.

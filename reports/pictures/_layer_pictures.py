@@ -24,7 +24,7 @@ _Drawn = tuple[np.ndarray, str]
 
 
 def layer_picture(name: str, values: np.ndarray, exposure: float) -> _Drawn:
-    """The pixels of a layer, shape ``(H, W, 3)``, uint8, sRGB, and what they mean.
+    """Return the pixels of a layer, shape ``(H, W, 3)``, uint8, sRGB, and what they mean.
 
     Args:
         name: Of the layer.
@@ -44,7 +44,7 @@ def outline(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def photograph_picture(linear: np.ndarray, exposure: float) -> np.ndarray:
-    """A photograph as a display shows it, shape ``(H, W, 3)``, uint8."""
+    """Return a photograph as a display shows it, shape ``(H, W, 3)``, uint8."""
     return _light(linear, exposure)[0]
 
 
@@ -100,7 +100,7 @@ def _numbers(values: np.ndarray, exposure: float) -> _Drawn:
 
 
 def _noise(values: np.ndarray, exposure: float) -> _Drawn:
-    """Standard deviation as a share of display white, from 0 to its 99th percentile."""
+    """Return standard deviation as a share of display white, from 0 to its 99th percentile."""
     pixels, high = _deviation(values, exposure)
     return pixels, f"  sd to {high:.1%} of white"
 
@@ -124,7 +124,7 @@ def _ids(values: np.ndarray, exposure: float) -> _Drawn:
 
 
 def _id_colour(number: int) -> tuple[float, ...]:
-    """The same colour for an id in every view."""
+    """Return the same colour for an id in every view."""
     if number == 0:
         return NOTHING
     return tuple(255 * c for c in colorsys.hsv_to_rgb(number * GOLDEN % 1, 0.35 + 0.3 * (number % 3), 0.95))

@@ -28,7 +28,7 @@ MAP_LEVELS = 64
 """Colours of a map in a bar: neighbours differ less than an eye sees."""
 
 Code = Literal["light", "display", "share", "direction", "number", "map", "sketch"]
-"""What pixels mean.
+"""Kind of the pixels.
 
 ``light``: codes of linear light, high bytes above low ones. ``display``: light as a display shows it, 8 bits.
 ``share``: numbers from 0 to 1, three a pixel, by the curve of sRGB. ``direction``: X, Y, Z from −1 to 1.
@@ -79,7 +79,7 @@ def share_picture(values: np.ndarray, alt: str) -> PagePicture:
 
 
 def direction_picture(values: np.ndarray, alt: str) -> PagePicture:
-    """Unit vectors, shape ``(H, W, 3)``."""
+    """Return unit vectors, shape ``(H, W, 3)``."""
     return _picture(_eight_bits((values + 1) / 2), alt, "direction")
 
 
@@ -109,13 +109,13 @@ def coloured_picture(values: np.ndarray, low: float, high: float, name: ColourMa
 
 
 def seen_picture(picture: PagePicture) -> PagePicture:
-    """The same picture as it is seen at the exposure of its scene, without any code."""
+    """Return the same picture as it is seen at the exposure of its scene, without any code."""
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture.webp))).convert("RGB"))
     return _picture(_seen(pixels, picture.code), picture.alt)
 
 
 def gradient(name: ColourMap) -> str:
-    """A colour map as a CSS gradient, from low on the left to high on the right."""
+    """Return a colour map as a CSS gradient, from low on the left to high on the right."""
     stops = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in _map_levels(name)[:: MAP_LEVELS // 16].tolist())
     last = "#{:02x}{:02x}{:02x}".format(*_map_levels(name)[-1].tolist())
     return f"linear-gradient(to right, {', '.join(stops)}, {last})"
@@ -140,7 +140,7 @@ def split_codes(codes: np.ndarray) -> np.ndarray:
 
 
 def join_codes(pixels: np.ndarray) -> np.ndarray:
-    """The codes of :func:`split_codes`."""
+    """Return the codes of :func:`split_codes`."""
     high, low = np.split(pixels.astype(np.uint16), 2)
     return (high << 8) | low
 
@@ -165,7 +165,7 @@ def _coloured(index: np.ndarray, name: ColourMap) -> np.ndarray:
 
 
 def _map_levels(name: ColourMap) -> np.ndarray:
-    """The colours of a map that bars use, shape ``(MAP_LEVELS, 3)``, uint8."""
+    """Return the colours of a map that bars use, shape ``(MAP_LEVELS, 3)``, uint8."""
     return colour_map(name)[np.rint(np.linspace(0, STEPS - 1, MAP_LEVELS)).astype(int)]
 
 

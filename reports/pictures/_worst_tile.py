@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where each method is most wrong in a scene: one square of one view, enlarged, and what explains it."""
+"""Worst tile: where each method is most wrong in a scene: one square of one view, enlarged, and what
+explains it.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,7 +36,7 @@ class Tile:
     side: int
     """Pixels."""
     mean: float
-    """Of the error, over its pixels inside the mask."""
+    """Share of the error, over its pixels inside the mask."""
 
     def region(self, shape: tuple[int, ...]) -> tuple[slice, slice]:
         """Rows and columns of the tile and of one more side all around, as far as the picture goes."""
@@ -49,11 +51,11 @@ class WorstTile:
 
     method: str
     title: str
-    """Of the layer."""
+    """Name of the layer."""
     where: str
     how_wrong: str
     reason: str
-    """What the error follows, or that nothing explains it."""
+    """Explanation of the error, or that nothing explains it."""
     truth: PagePicture
     prediction: PagePicture
     error: PagePicture
@@ -86,7 +88,7 @@ class _Found:
 
 
 def worst_tile(error: np.ndarray) -> Tile | None:
-    """The square with the largest mean error; of an exact prediction None.
+    """Return the square with the largest mean error; of an exact prediction None.
 
     Its side is an eighth of the picture's shorter one. Squares less than half inside the mask do not
     enter: their mean is over too few pixels.
@@ -104,7 +106,7 @@ def worst_tile(error: np.ndarray) -> Tile | None:
 
 
 def find_worst_tiles(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> tuple[MethodTiles, ...]:
-    """The worst tile of each method in each layer that is scored, over all test views.
+    """Return the worst tile of each method in each layer that is scored, over all test views.
 
     A layer that is exact everywhere, or not provided, has none.
 
@@ -137,7 +139,7 @@ def find_worst_tiles(scene: SceneEvidence, methods: Sequence[MethodEvidence]) ->
 def _candidates(
     scene: SceneEvidence, method: MethodEvidence, view: View, properties: Mapping[str, np.ndarray]
 ) -> Iterator[tuple[str, _Found]]:
-    """The worst tile of each layer in one view."""
+    """Yield the worst tile of each layer in one view."""
     for name in TILED_LAYERS:
         true = scene.layers[view.name].get(name)
         values, _ = usable_layer(method, view, name, scene.mask(name, view))

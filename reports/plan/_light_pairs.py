@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which predicted light stands for which true one: pairs with the least sum of distances, as in scores."""
+"""Light pairs: which predicted light stands for which true one: pairs with the least sum of distances, as
+in scores.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,19 +34,19 @@ class Pairing:
 
 
 def local_lights(lights: Sequence[Light]) -> list[LocalLight]:
-    """The lights that stand somewhere."""
+    """Return the lights that stand somewhere."""
     return [light for light in lights if not isinstance(light, EnvironmentLight)]
 
 
 def places_of(light: LocalLight, cameras: Sequence[Camera]) -> np.ndarray:
-    """Where a light is in the world, shape ``(N, 3)``: once, or on the camera once for each camera."""
+    """Return where a light is in the world, shape ``(N, 3)``: once, or on the camera once for each camera."""
     if light.frame == "world":
         return np.array([light.position])
     return np.array([world_position(light, camera) for camera in cameras]).reshape(-1, 3)
 
 
 def pair_lights(predicted: Sequence[Light], true: Sequence[Light], cameras: Sequence[Camera]) -> Pairing:
-    """The one-to-one pairs with the least sum of distances (Kuhn 1955); environments stand nowhere.
+    """Return the one-to-one pairs with the least sum of distances (Kuhn 1955); environments stand nowhere.
 
     A predicted light without a finite position has no distance, and is extra. Without cameras a light that
     is mounted on them stands nowhere, and no pairs are made.

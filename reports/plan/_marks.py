@@ -19,7 +19,7 @@ class LightMark:
     """0 for the truth, then 1 to ``SHAPES`` for the methods in turn."""
     label: str
     outside: bool
-    """Whether it lies beyond the picture and is drawn at its border."""
+    """True if it lies beyond the picture and is drawn at its border."""
 
 
 def round_length(length: float) -> float:

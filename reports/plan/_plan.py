@@ -47,7 +47,7 @@ class LightRow:
     position: str
     intensity: str
     partner: str
-    """Of a predicted light the true one that it stands for; of a true one who has none for it."""
+    """Partner of a light: of a predicted one the true one, of a true one who lacks it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class _Frame:
 
 
 def build_plan(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Plan:
-    """The plan of a scene. A light on the camera is drawn once for each test camera."""
+    """Return the plan of a scene. A light on the camera is drawn once for each test camera."""
     dots = [surface_points(v, scene.layers[v.name].get("depth")) for v in scene.shown]
     owners: list[Owner] = [("ground truth", 0, scene.lights)]
     owners += [(m.method, 1 + i % SHAPES, m.lights) for i, m in enumerate(methods) if m.lights is not None]
@@ -119,7 +119,7 @@ def lay_out(
     owners: Sequence[Owner],
     silent: tuple[tuple[str, str], ...] = (),
 ) -> Plan:
-    """A plan of cameras, of surface points, each of shape ``(N, 3)``, and of lights by owner.
+    """Return a plan of cameras, of surface points, each of shape ``(N, 3)``, and of lights by owner.
 
     The frame holds the lights of the first owner; those of the others may lie outside.
     """
@@ -204,7 +204,7 @@ def _light_marks(
 
 
 def _links(pairing: Pairing, shape: int, test: Sequence[Camera], frame: _Frame) -> list[Link]:
-    """A line for each pair; for a pair of which one is on the camera, for each test camera."""
+    """Return a line for each pair; for a pair of which one is on the camera, for each test camera."""
     links = []
     for pair in pairing.pairs:
         ends = np.broadcast_arrays(places_of(pair.predicted, test), places_of(pair.true, test))
@@ -237,7 +237,7 @@ def _missed(light: LocalLight, pairings: Mapping[str, Pairing]) -> str:
 
 
 def _corners(light: RectangleLight, test: Sequence[Camera]) -> list[list[np.ndarray]]:
-    """The four corners in the world, once, or on the camera once for each test camera."""
+    """Return the four corners in the world, once, or on the camera once for each test camera."""
     turns = [np.eye(3)] if light.frame == "world" else [c.camera_to_world[:3, :3] for c in test]
     u, v = np.array(light.half_u), np.array(light.half_v)
     signs = ((1, 1), (1, -1), (-1, -1), (-1, 1))

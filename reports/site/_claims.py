@@ -31,7 +31,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What one published run says of a claim."""
+    """Statement of one published run on a claim."""
 
     run: str
     """Name of the published folder; empty for papers' own tables."""

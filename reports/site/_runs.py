@@ -94,7 +94,7 @@ class SiteRun:
     suite: str
     version: int
     title: str
-    """Of its suite; empty where that is not told."""
+    """Title of its suite; empty where that is not told."""
     date: str
     commit: str
     wall: str

@@ -8,7 +8,7 @@ from graycard.io import printable
 LONGEST = 400
 """Characters of a text in a list; the rest of a longer one is left out."""
 _SPECIAL = re.compile(r"([\\`*_\[\]|<>~&$]|^[-+#=:>]|^\d+(?=[.)]))")
-"""What Markdown takes for markup, within a line or at its begin."""
+"""Marks of Markdown, within a line or at its begin."""
 _LINKS = re.compile(r"@|#\d|:/|\bwww\.|\bGH-\d|\b[0-9a-f]{7,40}\b|:[\w+-]+:", re.IGNORECASE)
 """Texts that hosts of code turn into a link, a mention, a reference or a picture of their own."""
 _BACKTICKS = re.compile(r"`+")

@@ -123,7 +123,7 @@ class RunSummary:
     gate: GateSummary | None
     """None without a baseline."""
     passed: bool
-    """Whether there are jobs, no job and no score failed, and the gate passed where there is one."""
+    """True if there are jobs, no job and no score failed, and the gate passed where there is one."""
     format: str = "graycard-summary"
     format_version: int = SUMMARY_VERSION
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in one cell of a table of scores, pooled from the readings of one or more jobs."""
+"""Contents of one cell of a table of scores, pooled from the readings of one or more jobs."""
 
 import math
 from collections import defaultdict
@@ -17,7 +17,7 @@ CellStatus = Literal["scored", "failed", "not provided", "not run"]
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What one job says about one metric."""
+    """Statement of one job about one metric."""
 
     scene: str
     status: CellStatus
@@ -40,10 +40,10 @@ class Cell:
     """Small lines below the value."""
     reason: str = ""
     complete: bool = False
-    """Whether every job that should be in the mean is in it: only then may it be compared."""
+    """True if every job that should be in the mean is in it: only then may it be compared."""
     best: bool = False
     plot: IntervalPlot | None = None
-    """Of the mean with its interval; None where scores of one scene stand."""
+    """Plot of the mean with its interval; None where scores of one scene stand."""
 
 
 def read_metric(result: JobResult, metric: str) -> Reading:
@@ -80,7 +80,8 @@ def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell
 
 
 def breakdown_text(readings: Sequence[Reading], unit: str) -> str:
-    """The same number by neighbouring rules, the mean over seeds, then scenes; empty where there are none.
+    """Return the same number by neighbouring rules, the mean over seeds, then scenes; empty where there are
+    none.
 
     A rule enters if every reading has it: another mean would be over other scenes.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the comparison of a run says about one track, as its tables show it."""
+"""Comparison of one track, as its tables show it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,9 @@ class Compared:
     """By metric: of its interval plots."""
 
     def dress(self, cell: Cell, metric: str, method: str) -> Cell:
-        """A cell with its interval plot, and with the verdict in words where it concerns this method."""
+        """Return a cell with its interval plot, and with the verdict in words where it concerns
+        this method.
+        """
         standing = self.standings.get((metric, method))
         if standing is None or cell.status != "scored":
             return cell
@@ -37,7 +39,7 @@ def compare_track(
     track: str,
     metrics: Sequence[MetricRecord],
 ) -> Compared:
-    """The methods of a track by each of some metrics.
+    """Return the methods of a track by each of some metrics.
 
     A run that an older graycard made has no comparison: then there are means, and no intervals.
     """

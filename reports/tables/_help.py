@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a reader must know of a metric to read its number, in words."""
+"""Help for the reader of a metric, in words."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -38,17 +38,17 @@ class MetricHead:
     optimum: str
     formula: str
     ignores: str = ""
-    """What a prediction may be changed by without changing the score; empty for nothing."""
+    """Changes of a prediction that leave the score as it is; empty for none."""
     tolerance: str = ""
     """A difference that the gate still lets pass."""
     here: str = ""
     """The worst and best value of this table, and whose they are."""
     counts: bool = True
-    """Whether it counts for the order of a leaderboard: fewer than two methods cannot be compared."""
+    """True if it counts for the order of a leaderboard: fewer than two methods cannot be compared."""
 
 
 def metric_head(record: MetricRecord) -> MetricHead:
-    """A metric with its direction in words."""
+    """Return a metric with its direction in words."""
     up, unit = record.higher_is_better, "" if record.unit == "1" else record.unit
     allowed = f"{format_value(record.tolerance, record.unit)} {unit}".strip()
     return MetricHead(
@@ -66,6 +66,6 @@ def metric_head(record: MetricRecord) -> MetricHead:
 
 
 def explain_rules(rules: Iterable[str]) -> str:
-    """What the rules of a breakdown are, in one line."""
+    """Return what the rules of a breakdown are, in one line."""
     known = {rule: _NEIGHBOURS[rule] for rule in dict.fromkeys(rules) if rule in _NEIGHBOURS}
     return "; ".join(f"{format_name(rule).lower()}: {meaning}" for rule, meaning in known.items())

@@ -26,7 +26,7 @@ class Axis:
         return format_value(self.low, self.unit), format_value(self.high, self.unit)
 
     def place(self, value: float) -> float:
-        """Where a value stands, in percent of the width; what is infinite at the edge."""
+        """Return where a value stands, in percent of the width; what is infinite at the edge."""
         share = (
             min(max((value - self.low) / (self.high - self.low), 0.0), 1.0) if self.high > self.low else 0.5
         )
@@ -47,7 +47,7 @@ class IntervalPlot:
 
 
 def axis_of(values: Iterable[float], unit: str) -> Axis | None:
-    """The axis that holds all finite values; None where there are none."""
+    """Return the axis that holds all finite values; None where there are none."""
     finite = [v for v in values if math.isfinite(v)]
     if not finite:
         return None
@@ -57,13 +57,13 @@ def axis_of(values: Iterable[float], unit: str) -> Axis | None:
 
 
 def axis_of_standings(standings: Iterable[MethodStanding], unit: str) -> Axis | None:
-    """The axis of the means, intervals and ceilings of methods; None where all are one number."""
+    """Return the axis of the means, intervals and ceilings of methods; None where all are one number."""
     found = {v for s in standings for v in (s.mean, s.ceiling, *(s.interval or ())) if v is not None}
     return axis_of(found, unit) if len(found) > 1 else None
 
 
 def interval_plot(standing: MethodStanding, axis: Axis | None) -> IntervalPlot | None:
-    """The plot of a method; None where it has no mean."""
+    """Return the plot of a method; None where it has no mean."""
     if standing.mean is None or axis is None:
         return None
     beyond = "" if math.isfinite(standing.mean) else "high" if standing.mean > 0 else "low"

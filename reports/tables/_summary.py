@@ -19,7 +19,7 @@ class SummaryCell:
 
     track: str
     anchor: str
-    """Where its leaderboard stands."""
+    """Anchor of its leaderboard."""
     verdict: LeaderVerdict | None
     """None where the track has no such part."""
 
@@ -34,7 +34,7 @@ class SummaryRow:
 
 
 def part_of(group: str) -> str:
-    """The part of a decomposition that a group of metrics judges, in words."""
+    """Return the part of a decomposition that a group of metrics judges, in words."""
     return _PARTS.get(group, format_name(group))
 
 
@@ -44,7 +44,8 @@ def summary_rows(
     tracks: Sequence[tuple[str, str]],
     left_out: Collection[tuple[str, str]] = (),
 ) -> tuple[tuple[SummaryRow, ...], str]:
-    """A row for each group of metrics that has a headline metric, and for each that a track asks for itself.
+    """Return a row for each group of metrics that has a headline metric, and for each that a track asks for
+    itself.
 
     Where no metric is a headline, each group has a row.
 
@@ -73,7 +74,7 @@ def summary_rows(
 def _chosen(
     metrics: Sequence[MetricRecord], judged: Collection[str], own: Collection[str]
 ) -> list[MetricRecord]:
-    """Of each group its first headline metric, then those that a track asks for itself."""
+    """Return for each group its first headline metric, then those that a track asks for itself."""
     seen = [m for m in metrics if m.id in judged]
     general = [m for m in seen if m.headline] or seen
     first = {m.group: m for m in reversed(general)}

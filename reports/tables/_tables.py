@@ -22,11 +22,11 @@ class MethodHead:
     name: str
     summary: str
     sees: tuple[str, ...]
-    """What it is handed beyond the capture; empty for a method that competes."""
+    """Names of all that it is handed beyond the capture; empty for a method that competes."""
     submitted: bool = False
-    """Whether other code made the predictions."""
+    """True if other code made the predictions."""
     priors: PriorBadge | None = None
-    """What priors told it; None for a row without priors."""
+    """Words on its priors; None for a row without priors."""
     variant_of: str = ""
     """The row whose method this is with settings of its own, while that stands in the same table."""
 
@@ -76,7 +76,7 @@ class MetricRow:
     breakdowns: tuple[tuple[str, str], ...] = ()
     """The same number by neighbouring rules, as pairs of method and text."""
     rules: str = ""
-    """What those rules are."""
+    """Words on those rules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Trouble:
 
 
 def metrics_of(record: RunRecord, results: Sequence[JobResult]) -> tuple[MetricRecord, ...]:
-    """The metrics that some of these jobs has a score of; all, where no job came as far as scores.
+    """Return the metrics that some of these jobs has a score of; all, where no job came as far as scores.
 
     Those of one group stand together, in the order in which the groups come first.
     """
@@ -110,7 +110,7 @@ def metrics_of(record: RunRecord, results: Sequence[JobResult]) -> tuple[MetricR
 
 
 def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], str]:
-    """The rows that say something, and the titles of those that no method provides."""
+    """Return the rows that say something, and the titles of those that no method provides."""
     quiet = [r for r in rows if not any(map(_provides, r.cells))]
     return tuple(r for r in rows if r not in quiet), ", ".join(r.metric.title for r in quiet)
 
@@ -266,7 +266,7 @@ def _cell(readings: _Readings, method: str, metric: MetricRecord, detailed: bool
 
 
 def _heads(record: RunRecord, results: Sequence[JobResult]) -> list[MethodHead]:
-    """The methods with a job among the results, in the order of the run."""
+    """Return the methods with a job among the results, in the order of the run."""
     present, badges = {r.job.method for r in results}, prior_badges(record)
     variants = {name for track in {r.job.track for r in results} for name in record.variants_on(track)}
     return [
@@ -284,7 +284,7 @@ def _heads(record: RunRecord, results: Sequence[JobResult]) -> list[MethodHead]:
 
 
 def _is_silent(results: Sequence[JobResult], methods: Sequence[MethodHead], metric: MetricRecord) -> bool:
-    """Whether these methods have said that they do not provide it, and nothing else.
+    """Return whether these methods have said that they do not provide it, and nothing else.
 
     A job that failed as a whole says nothing of single metrics.
     """
@@ -294,12 +294,12 @@ def _is_silent(results: Sequence[JobResult], methods: Sequence[MethodHead], metr
 
 
 def _provides(cell: Cell) -> bool:
-    """Whether a method has tried it: to fail is no way out of a comparison."""
+    """Return whether a method has tried it: to fail is no way out of a comparison."""
     return cell.status in ("scored", "failed")
 
 
 def _range_of(cells: Mapping[MethodHead, Cell], higher_is_better: bool) -> str:
-    """The worst and the best value of a table with their methods: what is good, and what is not."""
+    """Return the worst and the best value of a table with their methods: what is good, and what is not."""
     found = [(cell.value, cell.text, head.name) for head, cell in cells.items() if cell.value is not None]
     if len(found) < 2:
         return ""

@@ -25,7 +25,7 @@ class LeaderVerdict:
 
     kind: Kind
     words: str
-    """As in ``clear lead`` or ``tied with gray``."""
+    """Verdict as ``clear lead`` or ``tied with gray``."""
     leader: str = ""
     """Empty where nobody has a score of every scene."""
     value: str = ""
@@ -43,7 +43,7 @@ def judge(
     comparison: Comparison,
     variants: Collection[str] = (),
 ) -> LeaderVerdict:
-    """The verdict on one metric of one track.
+    """Return the verdict on one metric of one track.
 
     Only methods that compete and have a score of every scene can lead; variants neither lead nor are rivals.
 
@@ -81,7 +81,9 @@ def judge(
 def judge_without_intervals(
     metric: MetricRecord, methods: Sequence[MethodStanding], variants: Collection[str] = ()
 ) -> LeaderVerdict:
-    """The same for a run without a comparison: who is best is known, not whether that is significant."""
+    """Return the same for a run without a comparison: who is best is known, not whether that is
+    significant.
+    """
     methods = [m for m in methods if m.method not in variants]
     order = _in_order(metric, methods)
     if not order:
@@ -95,7 +97,7 @@ def judge_without_intervals(
 
 
 def standing_note(standing: MethodStanding, verdict: LeaderVerdict) -> str:
-    """What a leaderboard says below the number of a method."""
+    """Words of a leaderboard below the number of a method."""
     if standing.method == verdict.leader:
         more = f", {verdict.evidence}" if verdict.evidence else ""
         return verdict.words + more
@@ -108,7 +110,7 @@ def _nobody(methods: Sequence[MethodStanding]) -> LeaderVerdict:
 
 
 def _alone(methods: Sequence[MethodStanding]) -> str:
-    """Of the only method with a score of every scene."""
+    """Score of the only method with a score of every scene."""
     partial = sum(m.competes and m.mean is not None and m.scenes < m.expected for m in methods)
     return "no rival with every scene" if partial else "no rival"
 
@@ -157,7 +159,7 @@ def _ahead(metric: MetricRecord, first: float, second: float, rival: str, interv
 
 
 def _evidence(pair: PairDifference, scenes: int) -> str:
-    """The larger p value of the two tests that must agree, and the number of scenes.
+    """Return the larger p value of the two tests that must agree, and the number of scenes.
 
     It is told as it decides, and as it is of this pair alone where that is another number: intervals are of
     pairs alone, and so is what claims come down to.
