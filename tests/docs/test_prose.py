@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "b64f5abd836bec34387a6942d8164acab6e04303"
+SINCE = "27f20e94ab449269ca632a6945bed8494a0c6617"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"
