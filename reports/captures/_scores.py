@@ -17,7 +17,7 @@ class ScoreCell:
     reason: str = ""
     note: str = ""
     best: bool = False
-    """Whether no other method has a better one; of a single method never."""
+    """True if no other method has a better one; of a single method never."""
 
 
 @dataclass(frozen=True, slots=True)

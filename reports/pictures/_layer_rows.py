@@ -90,7 +90,7 @@ class JudgedLayer:
     errors: Mapping[tuple[str, str], np.ndarray]
     """By view and method."""
     ratios: Mapping[tuple[str, str], np.ndarray]
-    """Of error to noise, by view and method; empty where the truth is exact."""
+    """Ratio of error to noise, by view and method; empty where the truth is exact."""
     error_high: float
     low: float
     high: float
@@ -101,12 +101,12 @@ class JudgedLayer:
 
 
 def title_of(layer: str) -> str:
-    """A layer in words."""
+    """Return a layer in words."""
     return _TITLES.get(layer, format_name(layer))
 
 
 def judged_layer(name: str, scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> JudgedLayer:
-    """A layer held against the truth in every shown view."""
+    """Return a layer held against the truth in every shown view."""
     errors: dict[tuple[str, str], np.ndarray] = {}
     ratios: dict[tuple[str, str], np.ndarray] = {}
     for view in scene.shown:
@@ -136,7 +136,7 @@ def _value_range(images: Sequence[np.ndarray]) -> tuple[float, float]:
 def layer_row(
     layer: JudgedLayer, view: View, scene: SceneEvidence, methods: Sequence[MethodEvidence]
 ) -> LayerRow:
-    """The pictures of a layer in one view."""
+    """Return the pictures of a layer in one view."""
     title = layer.title or title_of(layer.name)
     truth = _show(layer, scene.layers[view.name][layer.name], f"{title}, {view.name}: truth")
     ratios = tuple(_noise_ratio(layer, view, method, title) for method in methods) if layer.ratios else ()
@@ -160,7 +160,7 @@ def layer_row(
 def bare_row(
     name: str, view: View, exposure: float, methods: Sequence[MethodEvidence], side: int = MAX_SIDE
 ) -> LayerRow:
-    """The pictures of a layer in one view, of which no truth is known: no error is shown."""
+    """Return the pictures of a layer in one view, of which no truth is known: no error is shown."""
     title, mask = title_of(name), np.ones((view.camera.height, view.camera.width), bool)
     found = [usable_layer(method, view, name, mask)[0] for method in methods]
     low, high = _value_range([values for values in found if values is not None] or [np.zeros(1)])
@@ -191,7 +191,7 @@ def _unit_of(name: str) -> str:
 
 
 def _values_of(name: str) -> str:
-    """The unit of a value under the pointer."""
+    """Return the unit of a value under the pointer."""
     unit = find_layer(name).unit
     if name == "normal":
         return "x, y, z"
@@ -199,7 +199,7 @@ def _values_of(name: str) -> str:
 
 
 def _precision_of(layer: JudgedLayer) -> str:
-    """The largest error of such a value by its code alone."""
+    """Return the largest error of such a value by its code alone."""
     if layer.name == "normal":
         return f"± {1 / 255:.3f}"
     if _is_number(layer.name):

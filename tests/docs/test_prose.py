@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "27f20e94ab449269ca632a6945bed8494a0c6617"
+SINCE = "044bf4fb495af69b40d2366b17114914049dded4"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"
