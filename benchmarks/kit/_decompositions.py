@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from graycard import Camera, Capture, GraycardError, Light, View, open_truth
+from graycard import Camera, Capture, EnvironmentLight, GraycardError, Light, View, open_truth
 from graycard.benchmarks.kit._faults import Fault
 from graycard.benchmarks.kit._layers import differences, faults_of_facts, faults_of_layers, usable
 from graycard.benchmarks.kit._raised import fault_of
-from graycard.methods import Relightable, Removable
+from graycard.methods import Relightable, Removable, Surrounded
 from graycard.methods.confined import ProbedMethod, of_kind
 from graycard.tiny import brighter
 
@@ -109,10 +109,24 @@ def _other_size(made: Any, view: View, usual: Arrays) -> Iterator[Fault]:
 def lights_of(made: Any, faults: list[Fault]) -> tuple[Light, ...] | None:
     """Return the lights of a decomposition; what is wrong with them is added."""
     try:
-        return made.lights()
+        lights = made.lights()
+        for light in lights or ():
+            if isinstance(light, EnvironmentLight):
+                faults += _of_environment(made, light)
     except GraycardError as error:
         faults.append(fault_of(error, "lights"))
         return None
+    return lights
+
+
+def _of_environment(made: Any, light: EnvironmentLight) -> Iterator[Fault]:
+    """Yield a fault if an environment has no image, or one of another shape."""
+    if not isinstance(made, Surrounded):
+        yield Fault("lights", f"no environment(light) gives the image of {light.name!r}")
+        return
+    shape = np.shape(made.environment(light))
+    if len(shape) != 3 or shape[2] != 3:
+        yield Fault("lights", f"expected the image of {light.name!r} of shape (H, W, 3), got {shape}")
 
 
 def faults_of_relighting(made: Any, capture: Capture, scene: Path) -> Iterator[Fault]:

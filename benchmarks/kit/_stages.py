@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from graycard import Capture, GraycardError, MethodError, open_predictions
+from graycard import Capture, GraycardError, MethodError, UnknownNameError, open_predictions
 from graycard.benchmarks._handed import copied_capture, places_of, scratch_folder
 from graycard.benchmarks._jobs import guarded
 from graycard.benchmarks._privileged import priors_for
@@ -141,7 +141,8 @@ def _tried(course: _Course) -> Result:
         progress = list(_of_progress(method)) if ENDED not in str(error) else []
         if error.__cause__ is None and not progress and _is_refusal(error):
             return Result(refused=str(error))
-        return Result(tuple(progress) or (fault_of(error, _cause_of(error)),))
+        name = "decomposition" if error.__cause__ is None and _is_of_result(error) else "fit"
+        return Result(tuple(progress) or (fault_of(error, name),))
     faults += _of_progress(method)
     rendered = rendered_views(method, made, course.capture, faults)
     faults += faults_of_decomposition(method, made, course.capture, rendered)
@@ -252,13 +253,13 @@ def _of_files(method: ProbedMethod) -> Iterator[Fault]:
 
 def _is_refusal(error: GraycardError) -> bool:
     """Tell whether a method says that it does not take a capture, or graycard that it gives none."""
-    if not isinstance(error, MethodError) or ENDED in str(error):
-        return False
-    return "to give a decomposition" not in str(error) and "to provide a layer" not in str(error)
+    return isinstance(error, MethodError) and ENDED not in str(error) and not _is_of_result(error)
 
 
-def _cause_of(error: GraycardError) -> str:
-    return "fit" if error.__cause__ is not None else "decomposition"
+def _is_of_result(error: GraycardError) -> bool:
+    """Tell whether an error speaks of what a fit gave: no decomposition, no layer, or an unknown one."""
+    words = ("to give a decomposition", "to provide a layer")
+    return isinstance(error, UnknownNameError) or any(word in str(error) for word in words)
 
 
 def _fewer_steps(trial: Trial, known: Known) -> dict[str, Any]:

@@ -20,7 +20,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, PointLight, Progress, srgb_decode, srgb_encode
+from graycard import (
+    Camera,
+    Capture,
+    EnvironmentLight,
+    Light,
+    MethodError,
+    PointLight,
+    Progress,
+    srgb_decode,
+    srgb_encode,
+)
 from graycard.methods import NoSettings
 from graycard.tiny import LAMP, shade
 
@@ -285,6 +295,9 @@ FAULTS: dict[str, tuple[Any, str]] = {
     "settings-open": (type("Method", (Right,), {"settings_type": Open}), "settings"),
     "fit-raises": (with_fit(_raise), "fit"),
     "refuses": (with_fit(_refuse), "refuses"),
+    "reads-held-out": (
+        with_fit(lambda self, capture, seed, progress: capture.photograph(capture.test[0])), "fit",
+    ),
     "gives-nothing": (with_fit(lambda self, capture, seed, progress: None), "decomposition"),
     "unknown-layer": (with_made(provides=frozenset({"colour"})), "decomposition"),
     "percent": (with_fit(_percent), "progress"),
@@ -329,6 +342,7 @@ FAULTS: dict[str, tuple[Any, str]] = {
         changed(**{name: (lambda f, c, name=name: f[name][::-1]) for name in LAYERS}), "pictures",
     ),
     "light-words": (with_made(lights=lambda self: ["lamp"]), "lights"),
+    "light-image": (with_made(lights=lambda self: (EnvironmentLight("sky", "sky.exr"),)), "lights"),
     "light-frame": (
         with_made(lights=lambda self: (dataclasses.replace(LAMP, frame="world"),)), "light-frame",
     ),
