@@ -9,7 +9,7 @@ import numpy as np
 from graycard import View, find_layer
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
 from graycard.reports._format import format_name, format_number
-from graycard.reports.pictures._colour_maps import ColourMap
+from graycard.reports.pictures._colour_maps import STEPS, ColourMap
 from graycard.reports.pictures._error_images import (
     NOISE_HIGH,
     error_image,
@@ -78,7 +78,7 @@ class LayerRow:
     values: str = ""
     """Unit of a value under the pointer."""
     precision: str = ""
-    """Largest error of such a value by its code alone."""
+    """Largest error of such a value, and of an error, by their codes alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,16 +195,18 @@ def _values_of(name: str) -> str:
     unit = find_layer(name).unit
     if name == "normal":
         return "x, y, z"
-    return unit if _is_number(name) and unit != "1" else "of 1" if unit == "1" else "of display white"
+    return "" if unit == "1" else unit if _is_number(name) else "1 is display white"
 
 
 def _precision_of(layer: JudgedLayer) -> str:
-    """Return the largest error of such a value by its code alone."""
+    """Return the largest error of such a value, and of an error, by their codes alone."""
     if layer.name == "normal":
-        return f"± {1 / 255:.3f}"
-    if _is_number(layer.name):
-        return f"± {format_number((layer.high - layer.low) / (2 * NUMBERS))}"
-    return "± 0.005" if find_layer(layer.name).unit == "1" else f"± {100 * STEP / 2:g} %"
+        values = f"± {1 / 255:.3f}"
+    elif _is_number(layer.name):
+        values = f"± {format_number((layer.high - layer.low) / (2 * NUMBERS))}"
+    else:
+        values = "± 0.005" if find_layer(layer.name).unit == "1" else f"± {100 * STEP / 2:g} %"
+    return f"values to {values}, errors to {100 / (2 * (STEPS - 1)):.1f} % of their scale"
 
 
 def _is_number(name: str) -> bool:

@@ -107,9 +107,19 @@ async function openTo(anchor) {
   if (elsewhere instanceof HTMLAnchorElement) location.href = `${elsewhere.getAttribute("href")?.split("#")[0]}${location.hash}`;
 }
 
+/** Text of an address; as it is where that is no code. @param {string} coded */
+function plain(coded) {
+  try {
+    return decodeURIComponent(coded);
+  } catch {
+    return coded;
+  }
+}
+
 async function follow() {
-  const [anchor, query] = decodeURIComponent(location.hash.slice(1)).split("?");
-  if (!anchor) return;
+  const [place, query] = location.hash.slice(1).split("?");
+  if (!place) return;
+  const anchor = plain(place);
   await openTo(anchor);
   const target = document.getElementById(anchor);
   for (let held = target?.closest("details"); held; held = held.parentElement?.closest("details")) held.open = true;

@@ -350,7 +350,12 @@ class Viewer {
     select.replaceChildren(...options);
     select.value = this.noise ? "noise" : "error";
     const scale = this.noise ? this.shown?.noise_scale : this.shown?.error_scale;
-    const box = need(this.root, ".side .scale", HTMLElement);
+    const values = need(this.root, ".of-values", HTMLElement);
+    const ends = this.shown?.value_scale;
+    values.hidden = !ends;
+    need(values, ".low", HTMLElement).textContent = ends?.low ?? "";
+    need(values, ".high", HTMLElement).textContent = `${ends?.high ?? ""} ${ends?.unit === "1" ? "" : ends?.unit ?? ""}`;
+    const box = need(this.root, ".of-errors", HTMLElement);
     need(box, ".high", HTMLElement).textContent = `${scale?.high} ${scale?.unit}`;
     box.hidden = !this.shown?.errors.length;
     need(this.root, ".measures", HTMLElement).hidden = !this.shown?.errors.length;
@@ -392,6 +397,7 @@ class Viewer {
         this.panes = [this.pane(`${this.nameOf(a)} | ${this.nameOf(b)}`, `${title}: ${this.nameOf(a)} left, ${this.nameOf(b)} right`, () => [this.drawnOf(this.tileOf(a)?.picture), this.drawnOf(this.tileOf(b)?.picture)])];
     }
     if (this.mode !== "removal" && this.errorOf(b)?.picture) this.panes.push(errorPane(b));
+    need(this.stage, ".panes", HTMLElement).classList.toggle("four", this.panes.length === 4);
     need(this.stage, ".panes", HTMLElement).replaceChildren(...this.panes.map(({ label, canvas }) => {
       const figure = element("figure");
       figure.append(canvas, element("figcaption", label));
@@ -440,9 +446,9 @@ class Viewer {
       return line;
     }));
     applyRows(box);
-    const unit = this.noise ? "standard deviations" : this.shown?.error_scale.unit;
-    need(box, ".precision", HTMLElement).textContent = `Values ${this.shown?.values ?? ""}, read to ${this.shown?.precision ?? ""}; errors in ${unit}, read to 0.2 % of their scale.`;
-    if (!this.shown?.errors.length) need(box, ".precision", HTMLElement).textContent = `Values ${this.shown?.values ?? ""}, read to ${this.shown?.precision ?? ""}.`;
+    const { values, precision, errors, error_scale } = /** @type {Layer} */ (this.shown);
+    const units = [values, errors.length ? `errors in ${this.noise ? "standard deviations" : error_scale.unit}` : ""].filter(Boolean).join("; ");
+    need(box, ".precision", HTMLElement).textContent = `Read from pictures: ${errors.length ? precision : precision.split(",")[0]}${units ? ` (${units})` : ""}.`;
   }
 
   /** Where a canvas shows a pixel: zoomed about a centre that all share. @param {HTMLCanvasElement} canvas @param {Drawn} drawn */

@@ -27,6 +27,12 @@ CELLS = """(scroll) => {
     (box) => [Math.round(box.left - left + 3), Math.round(box.bottom - top - 1)]));
 }"""
 """A place in the left padding of each cell of a row, just above its lower edge, pixels of what scrolls."""
+ALIGN = """(scroll) => {
+  scroll.style.marginTop = '0px';
+  const top = scroll.getBoundingClientRect().top + window.scrollY;
+  scroll.style.marginTop = `${Math.ceil(top) - top}px`;
+}"""
+"""Parts of pixels above a table would blur the lines of cells that stick otherwise than those of others."""
 MOVE = "(e, value) => { e.value = value; e.dispatchEvent(new Event('input', { bubbles: true })); }"
 BACKGROUND = "getComputedStyle(document.body).backgroundColor"
 FRAMES = """new Promise((done) => {
@@ -239,6 +245,13 @@ def test_removal_shows_before_after_truth_and_what_is_left(
     assert heard == []
 
 
+def test_colours_of_numbers_have_a_scale(viewer: Locator) -> None:
+    assert not viewer.locator(".of-values").is_visible()
+    viewer.get_by_role("tab", name="Depth").click()
+    assert viewer.locator(".of-values").is_visible()
+    assert (viewer.locator(".of-values .high").text_content() or "").endswith(" m")
+
+
 def test_gauge_of_a_row_stands_below_its_picture(viewer: Locator) -> None:
     assert "× 2 1 0.5" in (viewer.locator(".tiles figure[data-row=gray]").text_content() or "")
 
@@ -343,6 +356,8 @@ def test_lines_of_tables_are_the_same_below_each_cell(
     tables = [t for t in page.locator(".scroll:has(table.scores)").all() if t.is_visible()]
     assert len(tables) >= 3
     for table in tables:
+        table.evaluate(ALIGN)
+        settle(page)
         picture = np.asarray(Image.open(BytesIO(table.screenshot())).convert("RGB"))
         for row in table.evaluate(CELLS):
             strips = [picture[y - 4 : y + 1, x] for x, y in row if 0 <= x < picture.shape[1]]
