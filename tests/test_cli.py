@@ -55,7 +55,7 @@ def last_line(capsys: Capture) -> str:
 def test_doctor_finds_things_and_advises(tmp_path: Path, capsys: Capture):
     assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
     assert last_line(capsys).startswith("doctor: ")
-    names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())]
+    names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())["result"]]
     assert names == [
         "graycard", "renderer", "processor", "GPU", "torch", "weights", "sandbox", "trust", "disk", "locks"
     ]  # fmt: skip
@@ -71,14 +71,14 @@ def test_doctor_says_which_llvm_is_used(
     found = LLVM(Path("/lib/libLLVM.so.19.1"), 19, source=source)
     monkeypatch.setattr("graycard.benchmarks._doctor.find_llvm", lambda: found)
     assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
-    renderer = json.loads((tmp_path / "d.json").read_text())[1]
+    renderer = json.loads((tmp_path / "d.json").read_text())["result"][1]
     assert renderer["found"].endswith(f"llvm_ad_rgb (LLVM 19 {words}, /lib/libLLVM.so.19.1)")
 
 
 def test_doctor_without_llvm_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent/libLLVM.so")
     assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
-    renderer = json.loads((tmp_path / "d.json").read_text())[1]
+    renderer = json.loads((tmp_path / "d.json").read_text())["result"][1]
     assert "scalar_rgb" in renderer["found"]
     assert "/nonexistent/libLLVM.so" in renderer["advice"]
 
@@ -86,7 +86,7 @@ def test_doctor_without_llvm_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch,
 def test_scenes_lists_suites_and_families(tmp_path: Path, capsys: Capture):
     assert main(["scenes", "--json", str(tmp_path / "s.json")]) == 0
     assert "demo" in capsys.readouterr().out
-    found = json.loads((tmp_path / "s.json").read_text())
+    found = json.loads((tmp_path / "s.json").read_text())["result"]
     assert list(found["families"]) == list(TRACKS)
     assert {suite["name"] for suite in found["suites"]} >= {"demo", "smoke"}
 
@@ -94,7 +94,7 @@ def test_scenes_lists_suites_and_families(tmp_path: Path, capsys: Capture):
 def test_scenes_shows_the_knobs_of_a_family(tmp_path: Path, capsys: Capture):
     assert main(["scenes", "corridor", "--json", str(tmp_path / "s.json")]) == 0
     assert last_line(capsys).startswith("scenes: corridor (dark), a dark storage corridor")
-    knobs = {knob["name"]: knob for knob in json.loads((tmp_path / "s.json").read_text())["knobs"]}
+    knobs = {knob["name"]: knob for knob in json.loads((tmp_path / "s.json").read_text())["result"]["knobs"]}
     assert knobs["gloss"]["allowed"] == "0 to 1"
     assert knobs["gloss"]["meaning"].startswith("Share of the objects that are glossy")
 
@@ -139,7 +139,7 @@ def test_speed_compares_the_truth_with_a_plain_picture(
     monkeypatch.setattr("graycard.benchmarks.speed._truth.all_families", lambda: {"corridor": Corridor})
     assert main(["speed", "truth", "--repeats", "1", "--json", str(tmp_path / "s.json")]) == 0
     assert "(corridor; in processor time" in last_line(capsys)
-    (cost,) = json.loads((tmp_path / "s.json").read_text())
+    (cost,) = json.loads((tmp_path / "s.json").read_text())["result"]
     assert cost["lights"] == 2
     assert 0 < cost["path_cpu_s"] < 600
     assert 0 < cost["separated_s"] < 600
@@ -149,7 +149,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("graycard.benchmarks.speed._score.FAMILIES", ("glossy-table",))
     assert main(["speed", "score", "--quick", "--json", str(tmp_path / "s.json")]) == 0
     assert "a view of 64 x 64 takes at most" in last_line(capsys)
-    (cost,) = json.loads((tmp_path / "s.json").read_text())
+    (cost,) = json.loads((tmp_path / "s.json").read_text())["result"]
     assert (cost["track"], cost["pixels"]) == ("tabletop", 4096)
     assert cost["scores"] > 40
     assert 0 < cost["reading_s"] < cost["seconds"] < 600
@@ -161,7 +161,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
 def test_speed_measures_what_steps_cost(tmp_path: Path, capsys: Capture):
     assert main(["speed", "steps", "--quick", "--json", str(tmp_path / "s.json")]) == 0
     assert "as long with pictures of 32 x 32 as with those of 16 x 16" in last_line(capsys)
-    costs = json.loads((tmp_path / "s.json").read_text())
+    costs = json.loads((tmp_path / "s.json").read_text())["result"]
     cases = [(cost["method"], cost["size"]) for cost in costs]
     assert cases == [("gsid", 16), ("gsid", 32), ("goris", 16), ("goris", 32)]
     for cost in costs:
@@ -179,7 +179,7 @@ def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert last_line(capsys) == "methods: 19 work, 0 cannot be loaded"
     assert main(["methods", "gray", "--json", str(tmp_path / "m.json")]) == 0
     assert "--reflectance" in capsys.readouterr().out
-    assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
+    assert json.loads((tmp_path / "m.json").read_text())["result"]["settings"] == {"reflectance": 0.18}
 
 
 @pytest.mark.parametrize("args", [["score", "\udcff", "scene"], ["fit", "gray", "s", "--out", "a\udc80"]])

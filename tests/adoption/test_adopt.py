@@ -429,7 +429,7 @@ def test_the_verb_adopts_and_names_a_wrong_declaration(
     assert "hint 1: base_color looks sRGB-encoded" in said
     assert "of base_color: try srgb" in said
     assert f"score: graycard score {out} {adopted_scene}" in said
-    assert [hint["declare"] for hint in read_json(told)["hints"]] == ["srgb", ""]  # and 8 bits
+    assert [hint["declare"] for hint in read_json(told)["result"]["hints"]] == ["srgb", ""]  # and 8 bits
     assert main([*common, "base_color={view}.png:srgb"]) == 0
     assert "try srgb" not in capsys.readouterr().out
     view = open_predictions(out).view_names()[0]

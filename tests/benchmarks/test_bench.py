@@ -259,7 +259,7 @@ def test_gate_names_what_got_worse(
     assert f"gray albedo.psnr.raw: expected {good:.4g} dB" in out
     assert f"got {bad:.4g}" in out
     assert "accuracy dropped" in out.splitlines()[-1]
-    assert read_json(tmp_path / "v.json")["worse"]
+    assert read_json(tmp_path / "v.json")["result"]["worse"]
 
 
 def test_gate_fails_when_less_was_measured(

@@ -76,7 +76,7 @@ def test_a_scene(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert found == vector_bound(scene)
     assert main(["bounds", str(scene), "--json", str(tmp_path / "b.json")]) == 0
     assert "bounds: 1 scenes" in capsys.readouterr().out
-    assert read_json(tmp_path / "b.json")[0]["scene"] == "multilight/tiny-0000"
+    assert read_json(tmp_path / "b.json")["result"][0]["scene"] == "multilight/tiny-0000"
 
 
 def test_a_scene_without_visibility_is_refused(

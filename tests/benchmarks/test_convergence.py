@@ -159,7 +159,7 @@ def test_the_verb_shows_gains_and_where_a_curve_has_converged(
     shown = capsys.readouterr().out
     assert "+1.00 ± 0.00" in shown
     assert "converged from 1000 iterations on" in shown
-    (curve,) = read_json(tmp_path / "c.json")
+    (curve,) = read_json(tmp_path / "c.json")["result"]
     assert [point["budget"] for point in curve["points"]] == [500, 1000, 2000]
 
 

@@ -110,7 +110,7 @@ def test_the_verb_shows_the_plan(run: Path, tmp_path: Path, capsys: pytest.Captu
     told = ["--scenes", "1000", "--methods", "50", "--cores", "10", "--price", "0.1", "--efficiency", "1"]
     assert main(["plan", str(run), *told, "--json", str(tmp_path / "plan.json")]) == 0
     shown = capsys.readouterr().out
-    (plan,) = json.loads((tmp_path / "plan.json").read_text())
+    (plan,) = json.loads((tmp_path / "plan.json").read_text())["result"]
     assert (plan["scenes"], plan["methods"]) == (1000, 50)
     assert plan["price"] == pytest.approx(plan["hours"] * 10 * 0.1)
     assert f"1000 scenes x 50 methods on 1 tracks: {plan['hours']:,.0f} h on 10 cores" in shown

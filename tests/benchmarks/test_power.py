@@ -125,7 +125,7 @@ def test_the_command_shows_and_writes_it(run: Path, capsys: pytest.CaptureFixtur
     said = capsys.readouterr().out
     assert "needs of 1 undecided claims" in said
     line = next(x for x in said.splitlines() if x.startswith("M1") and "psnr: mine" in x)
-    (written,) = read_json(out)
+    (written,) = read_json(out)["result"]
     assert f"{written['seen']['scenes']} ({written['seen']['normal']}) scenes" in line
     assert main(["claims", "--power"]) == 2
     assert "expected a run with --power, got none" in capsys.readouterr().err

@@ -164,7 +164,7 @@ def test_the_command_measures_a_dataset(tiny_scenes: dict[str, Path], tmp_path: 
     command = ["prior-errors", str(tiny_scenes["dark"].parents[1]), "--views", "1", "--json", str(out)]
     assert main([*command, "--priors", "flat", "oracle:1"]) == 0
     assert "prior-errors: 2 sources on 3 scenes" in capsys.readouterr().out
-    assert {row["source"] for row in read_json(out)} == {"flat", "oracle:1"}
+    assert {row["source"] for row in read_json(out)["result"]} == {"flat", "oracle:1"}
     assert main([*command, "--priors", "none"]) == 2
     assert "expected sources of priors that answer something, got none" in capsys.readouterr().err
     assert main([*command[:2], "--views", "0"]) == 2

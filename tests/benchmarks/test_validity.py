@@ -67,7 +67,7 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     )
     assert "rule origin: package versions, hardware and the git commit" in found.err
     assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 10 rules, 1 broken")
-    written = read_json(tmp_path / "v.json")
+    written = read_json(tmp_path / "v.json")["result"]
     assert written["exit_code"] == 1
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
 

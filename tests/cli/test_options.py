@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Misspelt verbs and options are met with what was meant, before anything heavy is loaded."""
 
+import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -162,3 +163,23 @@ def test_a_misspelt_scene_is_met(tmp_path: Path, capsys: Capture):
         (tmp_path / "dark" / scene / "capture" / "manifest.json").write_text("{}")
     assert main(["score", "p", str(tmp_path / "dark" / "coridor-0002")]) == 2
     assert "got 'coridor-0002' (did you mean 'corridor-0002'?)" in capsys.readouterr().err
+
+
+def test_every_json_has_a_format_and_its_version(tmp_path: Path, capsys: Capture):
+    """A record has its own; all else lies in one shell, with the verb that wrote it."""
+    out = tmp_path / "j.json"
+    for command in (["scenes"], ["methods", "gray"], ["doctor"], ["weights"], ["adopt", "--layouts"]):
+        assert main([*command, "--json", str(out)]) == 0
+        found = json.loads(out.read_text())
+        assert list(found) == ["verb", "result", "graycard", "format", "format_version"]
+        assert (found["verb"], found["format"], found["format_version"]) == (command[0], "graycard-output", 1)
+    assert main(["claims", "--json", str(out)]) == 0
+    assert json.loads(out.read_text())["format"] == "graycard-claims"
+    capsys.readouterr()
+
+
+def test_each_verb_that_shows_something_takes_json():
+    pages = {"report", "figure", "view", "turntable", "splat", "salt", "completion"}
+    silent = {"new-method", "site", "train-prior"}
+    lacking = {verb.name for verb in VERBS if "--json" not in option_names(verb.load())}
+    assert lacking == pages | silent

@@ -31,7 +31,7 @@ def test_a_sound_method_has_no_fault(capsys: Capture, tmp_path: Path):
     said = capsys.readouterr().out
     assert "test-method: gray: no faults in" in said
     assert "fitted on dark with reflectance = 0.3; renders base_color, normal, radiance" in said
-    assert json.loads((tmp_path / "a.json").read_text())["faults"] == []
+    assert json.loads((tmp_path / "a.json").read_text())["result"]["faults"] == []
 
 
 def test_a_fault_is_shown_with_its_mend_and_its_line(

@@ -24,7 +24,7 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def weights_of_doctor(folder: Path) -> dict[str, str]:
     assert main(["doctor", "--json", str(folder / "d.json")]) == 0
-    (found,) = [x for x in json.loads((folder / "d.json").read_text()) if x["name"] == "weights"]
+    (found,) = [x for x in json.loads((folder / "d.json").read_text())["result"] if x["name"] == "weights"]
     return found
 
 
@@ -64,7 +64,7 @@ def test_damaged_weights_are_told_alike_by_doctor_list_and_score(
 
 def test_without_a_name_all_sets_are_listed(nowhere: Path, tmp_path: Path, capsys: Capture) -> None:
     assert main(["weights", "--json", str(tmp_path / "w.json")]) == 0
-    assert json.loads((tmp_path / "w.json").read_text()) == {"lpips": False, "inception": False}
+    assert json.loads((tmp_path / "w.json").read_text())["result"] == {"lpips": False, "inception": False}
     shown = capsys.readouterr().out
     assert "run `graycard weights inception`" in shown
     assert f"weights: 0 of 2 sets in {nowhere}" in shown.replace("\n", "")

@@ -26,9 +26,10 @@ GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short 
 
 TOO_LONG = {
     "Know an installed wheel by its hashes, and publish submitted rows with a badge",
+    "Build the wheel from the source distribution, and run it outside a checkout",
     "Gate the CI of others, light installs, doctor --mend, completion, progress in logs",
 }
-"""Two that came to the shared history before anybody had counted."""
+"""Those that came to the shared history before anybody had counted."""
 
 
 def subjects() -> list[str]:

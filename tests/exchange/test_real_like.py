@@ -113,8 +113,8 @@ def test_the_command_shows_what_it_did_and_keeps_it(
     done = capsys.readouterr()
     assert "OPENCV lens undone: 120x80 becomes" in done.out
     assert "becomes 60x" in done.out
-    rows = json.loads((tmp_path / "done.json").read_text())["rows"]
-    assert rows == json.loads((tmp_path / "dry.json").read_text())["rows"]
+    rows = json.loads((tmp_path / "done.json").read_text())["result"]["rows"]
+    assert rows == json.loads((tmp_path / "dry.json").read_text())["result"]["rows"]
     counts = {row["what"]: row["count"] for row in rows}
     assert counts == {
         "cameras": 10, "photographs": 10, "distortion": 10, "width": 10, "held out": 2, "points": 12,

@@ -171,7 +171,7 @@ def test_the_history_is_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path
     turned = sum(change.before != change.after for change in verdict_changes())
     assert lines[-1] == f"claims: {turned} verdicts changed, 0 without a reason"
     assert any("claims-dark 2" in line and "S1" in line for line in lines)
-    assert len(read_json(tmp_path / "changes.json")) == len(verdict_changes())
+    assert len(read_json(tmp_path / "changes.json")["result"]) == len(verdict_changes())
 
 
 # --- growing ------------------------------------------------------------------------------------------------

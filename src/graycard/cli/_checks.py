@@ -140,6 +140,8 @@ class PublishCommand:
     """Fail if the folder would be larger."""
     salt: SaltFile = None
     """The salt of secret scenes, which only proves that they are the right ones: it is not published."""
+    json: Json = None
+    """Also write what was checked and published to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Publish the run, unless a rule for a valid result is broken."""
@@ -152,9 +154,11 @@ class PublishCommand:
         for breach in found.breaches:
             terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
         if found.exit_code:
+            write_optional_json(self.json, {"folder": None, "validity": found})
             terminal.out.print("publish: nothing written, the run is no valid result")
             return found.exit_code
         size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
+        write_optional_json(self.json, {"folder": self.out, "mib": size, "validity": found})
         part = f", {found.part}" if found.part else ""
         terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
         return OK
@@ -229,7 +233,7 @@ class CompareCommand:
                     "--json FILE writes the comparison elsewhere"
                 )
         if self.json is not None:
-            write_json(self.json, compare_run(record, Question(against=self.against)))
+            write_optional_json(self.json, compare_run(record, Question(against=self.against)))
 
     def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"

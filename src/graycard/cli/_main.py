@@ -129,6 +129,7 @@ def _run_verb(name: str, args: list[str], terminal: Terminal) -> int:
     # tyro and the modules of verbs are imported here, so that `graycard --help` need not wait for them
     from graycard.cli._options import refuse
     from graycard.cli._parse import parse_verb, show_verb_help, write_completion
+    from graycard.cli._terminal import verb as running
 
     if name.startswith("--tyro-"):
         write_completion([name, *args])
@@ -139,6 +140,7 @@ def _run_verb(name: str, args: list[str], terminal: Terminal) -> int:
         show_verb_help(verb, args, terminal)
         return OK
     command, rest = parse_verb(verb, args)
+    running.set(verb.name)
     return command.run(terminal, rest)
 
 

@@ -107,6 +107,8 @@ class FitCommand:
     """Memory that the fit may take, GiB; that of the machine by default."""
     allow: Annotated[tuple[Path, ...], optional("PATH ...")] = ()
     """Let the method read and change these files and folders, such as its weights; they are recorded."""
+    json: Json = None
+    """Also write the cost and the settings to this file."""
 
     @classmethod
     def settings_of(cls, subject: str) -> type[Any]:
@@ -139,6 +141,7 @@ class FitCommand:
                 cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         finally:  # a fit that fails is killed
             remove_leftovers(self.out)
+        write_optional_json(self.json, {"predictions": self.out, "settings": settings, "cost": cost})
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks)):
             terminal.advise(

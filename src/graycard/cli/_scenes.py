@@ -81,6 +81,8 @@ class RenderCommand:
     """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
     knob: Annotated[tuple[str, ...], optional("NAME=VALUE ...")] = ()
     """Knobs of the family that are to differ from its defaults; `graycard scenes FAMILY` lists them."""
+    json: Json = None
+    """Also write the folders and their noise ceilings to this file."""
 
     @classmethod
     def settings_of(cls, subject: str) -> type[Any] | None:
@@ -94,7 +96,7 @@ class RenderCommand:
         from graycard.dataset import open_truth
         from graycard.synth import clear_leftovers, find_llvm, render_scene
 
-        jobs, noisy = self._jobs(rest, terminal), 0
+        jobs, noisy, made = self._jobs(rest, terminal), 0, []
         clear_leftovers(self.out)
         terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
@@ -102,11 +104,13 @@ class RenderCommand:
                 folder = render_scene(spec, settings, self.out, share(progress, number, len(jobs)))
             ceiling = open_truth(folder / "truth", check=False).noise_ceiling or 0.0
             terminal.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
+            made.append({"scene": folder, "noise_ceiling_db": ceiling, "wanted_db": wanted})
             if ceiling < wanted:
                 noisy += 1
                 terminal.err.print(
                     f"failed: expected a noise ceiling of {wanted:g} dB at {folder.as_posix()}"
                 )
+        write_optional_json(self.json, made)
         tail = f", {noisy} noisier than its suite allows: give it more samples" if noisy else ""
         terminal.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
         return FAILED if noisy else OK
@@ -228,6 +232,8 @@ class LookCommand:
     """The dataset, without scenes that are half-written; or one scene, DATASET/<track>/<scene>."""
     out: Annotated[Path | None, optional("FOLDER")] = None
     """Write the PNGs to this folder, one a scene; DATASET/look by default."""
+    json: Json = None
+    """Also write the list of PNGs to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Draw the contact sheets."""
@@ -240,6 +246,7 @@ class LookCommand:
             sheets = write_contact_sheets(self.dataset, out, progress)
         for sheet in sheets:
             terminal.out.print(sheet.as_posix())
+        write_optional_json(self.json, list(sheets))
         terminal.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
         return OK
 

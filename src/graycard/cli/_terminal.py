@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import fill
@@ -16,6 +17,7 @@ from rich.progress import Progress as ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from graycard import __version__
 from graycard.cli._log import logged
 from graycard.io import Progress, printable, write_json
 
@@ -38,6 +40,21 @@ def _console(stderr: bool) -> Console:
     if not console.is_terminal:
         console.width = WIDE
     return console
+
+
+verb: ContextVar[str] = ContextVar("verb", default="")
+"""The verb that runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shell:
+    """What ``--json`` writes around a result that is no record of its own."""
+
+    verb: str
+    result: Any
+    graycard: str = __version__
+    format: str = "graycard-output"
+    format_version: int = 1
 
 
 @dataclass(frozen=True)
@@ -111,6 +128,11 @@ def share(progress: Progress, number: int, of: int) -> Callable[[float, str], No
 
 
 def write_optional_json(path: Path | None, value: Any) -> None:
-    """Write a value to a file, if one was asked for."""
-    if path is not None:
-        write_json(path, value)
+    """Write what a verb has found to a file, if one was asked for: a record as it is, all else in a shell.
+
+    Every such file has ``format`` and ``format_version``; in a shell, ``result`` holds the value.
+    """
+    if path is None:
+        return
+    is_record = hasattr(value, "format") and hasattr(value, "format_version")
+    write_json(path, value if is_record else Shell(verb.get(), value))

@@ -228,7 +228,7 @@ def test_the_verb(copied: Copied, tmp_path: Path, capsys: Capture):
     assert "mask of the target" in out
     assert out.splitlines()[-1].startswith("verify: 1 scene, ")
     assert " 0 failed, " in out.splitlines()[-1]
-    data = json.loads(report.read_text())
+    data = json.loads(report.read_text())["result"]
     assert data["false_alarm"] == 1e-4
     assert {check["status"] for check in data["checks"]} == {"passed", "skipped"}
     view = scene / "truth" / "views" / "train_000.exr"

@@ -13,9 +13,9 @@ import tyro
 
 from graycard._errors import GraycardError
 from graycard.cli._checks import salt_in
-from graycard.cli._options import Memory, SaltFile, Timeout, optional
+from graycard.cli._options import Json, Memory, SaltFile, Timeout, optional
 from graycard.cli._runs import limits_of
-from graycard.cli._terminal import FAILED, OK, Terminal
+from graycard.cli._terminal import FAILED, OK, Terminal, write_optional_json
 from graycard.cli._warnings import run_lines
 from graycard.cli.adoption._captures import refuse_scenes
 from graycard.cli.benches._lines import failures as failed_lines
@@ -91,6 +91,8 @@ class BenchCommand:
     default."""
     only: Annotated[str | None, optional("K/N")] = None
     """Do the K-th of N parts, as a task of a job array does. The same command without --only gathers all."""
+    json: Json = None
+    """Also write the run folder, the report and what failed to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Run the suite; a job or a score that failed makes the exit code 1."""
@@ -114,6 +116,8 @@ class BenchCommand:
         failures = failed_lines(record.results)
         for line in failures:
             terminal.err.print(f"failed: {line}")
+        told = {"run": run, "report": report, "jobs": len(record.results), "failed": failures}
+        write_optional_json(self.json, told | {"wall_s": record.wall_s})
         lost = show_looks(record.looks, len(record.scenes), terminal) if record.looks else False
         show_standings(run, record, terminal)
         terminal.out.print(

@@ -56,6 +56,8 @@ class ExportCommand:
     """For croissant: licence of the data."""
     url: str = _TOLD.url
     """For croissant: address of the data."""
+    json: Json = None
+    """Also write what was exported to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the capture, or the surfels."""
@@ -73,7 +75,10 @@ class ExportCommand:
             f"export: {self.out} as {self.format}, {len(capture.train)} photographs, "
             f"{len(capture.test)} held-out cameras {held}"
         )
-        if lost := left_out_of(capture, self.format):
+        lost = left_out_of(capture, self.format)
+        counts = {"photographs": len(capture.train), "held_out": len(capture.test), "left_out": lost}
+        write_optional_json(self.json, {"folder": self.out, "format": self.format} | counts)
+        if lost:
             terminal.err.print(f"warning: {self.format} has no place for {' and '.join(lost)}: left out")
         return OK
 
@@ -83,6 +88,8 @@ class ExportCommand:
         from graycard.exchange import write_cards
 
         found = write_cards(self.scene, self.out, __version__, Publication(self.license, self.url))
+        told = {"folder": self.out, "format": self.format, "scenes": len(found.scenes)}
+        write_optional_json(self.json, told)
         if self.url == _TOLD.url:
             terminal.advise("give --url, the address where people will find the data")
         terminal.out.print(f"export: {self.out} as croissant, with a data card, {len(found.scenes)} scenes")
