@@ -250,7 +250,8 @@ class _Course:
         if outcome.fatal:
             raise MachineError(outcome.reason)
         self.outcomes[number] = outcome
-        words = f"{len(self.outcomes)} of {len(self.jobs)}: {getattr(self.jobs[number], 'words', '')}"
+        done = f"{len(self.outcomes)} of {len(self.jobs)}"
+        words = ": ".join(filter(None, (done, getattr(self.jobs[number], "words", ""))))
         self.progress(len(self.outcomes) / len(self.jobs), Ended(words + " failed" * bool(outcome.reason)))
 
     def _note_error(self, number: int, future: "Future") -> None:
