@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "044bf4fb495af69b40d2366b17114914049dded4"
+SINCE = "70a2fe50dd7854fd684ca5f5e9ab1a4afe8cfb37"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"
