@@ -13,7 +13,7 @@ from graycard.io import sha256
 from graycard.records import CheckResult, ClaimResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_ledger
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._effects import EffectPlot, effect_plot
-from graycard.reports._format import count, format_number, format_p, format_value
+from graycard.reports._format import count, format_number, format_p, format_value, format_with_unit
 
 LEGEND: Final[Mapping[str, str]] = {
     "reproduced": "the sign is certain, and the size is compatible with the claimed one",
@@ -162,10 +162,10 @@ def _check(check: CheckResult) -> CheckRow:
     return CheckRow(
         check,
         effect_plot(check),
-        "" if check.estimate is None else _with_unit(check.estimate, check.unit),
+        "" if check.estimate is None else format_with_unit(check.estimate, check.unit),
         "" if interval is None else " to ".join(format_value(end, check.unit) for end in interval),
         ", ".join(_evidence(check)),
-        "" if check.paper is None else _with_unit(check.paper, check.unit),
+        "" if check.paper is None else format_with_unit(check.paper, check.unit),
         _at_budgets(check),
         tuple((row.row, _mean(row, check)) for row in check.rows),
         _limits(check),
@@ -183,14 +183,14 @@ def _evidence(check: CheckResult) -> list[str]:
 
 def _spread(deviation: float, check: CheckResult) -> str:
     """Return a standard deviation with its unit; that of logarithms has none."""
-    return format_number(deviation) if check.unit == "×" else _with_unit(deviation, check.unit)
+    return format_number(deviation) if check.unit == "×" else format_with_unit(deviation, check.unit)
 
 
 def _at_budgets(check: CheckResult) -> str:
     """Return the estimate at other budgets, as in ``half the steps 1.20 dB``."""
     named = {"0.5": "half the steps", "2": "twice the steps", "2.0": "twice the steps"}
     found = (
-        f"{named.get(factor, f'{factor} × the steps')} {_with_unit(value, check.unit)}"
+        f"{named.get(factor, f'{factor} × the steps')} {format_with_unit(value, check.unit)}"
         for factor, value in check.at_budgets.items()
     )
     return ", ".join(found)
@@ -211,8 +211,3 @@ def _mean_alone(value: float | None, check: CheckResult) -> str:
     if check.unit == "×":  # of which the rows themselves have another unit
         return f"{value:.0f}" if abs(value) >= 100 else format_number(value)
     return format_value(value, check.unit)
-
-
-def _with_unit(value: float, unit: str) -> str:
-    text = format_value(value, unit)
-    return text if unit == "1" else f"{text}×" if unit == "×" else f"{text} {unit}"

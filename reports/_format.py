@@ -25,6 +25,17 @@ def format_value(value: float, unit: str) -> str:
     return f"{value:.{_DECIMALS.get(unit, _DEFAULT_DECIMALS)}f}".replace("-", "−")
 
 
+def format_with_unit(value: float, unit: str) -> str:
+    """Return a score with its unit, which a ratio is joined to and a pure number lacks.
+
+    Example:
+        >>> format_with_unit(31.456, "dB"), format_with_unit(2.0, "×"), format_with_unit(0.5, "1")
+        ('31.46 dB', '2.00×', '0.500')
+    """
+    text = format_value(value, unit)
+    return text if unit in ("", "1") else f"{text}×" if unit == "×" else f"{text} {unit}"
+
+
 def format_number(value: float) -> str:
     """Return a number of any size with three significant digits.
 

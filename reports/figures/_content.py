@@ -10,7 +10,7 @@ import numpy as np
 from graycard import RecordError, UnknownNameError, View, find_layer
 from graycard.records import JobResult, RunRecord, SceneRecord, read_run
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, open_method, open_scene, usable_layer
-from graycard.reports._format import format_number, format_value
+from graycard.reports._format import format_number, format_with_unit
 from graycard.reports._scores import find_score
 from graycard.reports.pictures._colour_maps import STEPS, ColourMap, colour_map, to_index
 from graycard.reports.pictures._error_images import error_unit
@@ -194,8 +194,7 @@ def _score(layer: str, view: View, results: Sequence[JobResult]) -> tuple[str, s
     for metric in _SCORES.get(layer, ()):
         score = find_score(shown, metric)
         if score and (value := score.per_view.get(view.name)) is not None:
-            unit = "" if score.unit in ("", "1") else f" {score.unit}"
-            return format_value(value, score.unit) + unit, metric
+            return format_with_unit(value, score.unit), metric
     return "", ""
 
 

@@ -9,7 +9,7 @@ from typing import get_args
 
 from graycard.records import ClaimResult, ClaimVerdict, Ledger, PaperResult
 from graycard.reports._budgets import BudgetTable, budget_table
-from graycard.reports._format import count, format_value
+from graycard.reports._format import count, format_value, format_with_unit
 from graycard.reports.history._changes import TABLES
 from graycard.reports.history._page import suite_histories
 from graycard.reports.site._sources import Kept, Published
@@ -233,9 +233,9 @@ def _effects(claim: ClaimResult) -> Iterator[Effect]:
         if check.decides and check.estimate is not None:
             yield Effect(
                 check.says,
-                _number(check.estimate, check.unit),
+                format_with_unit(check.estimate, check.unit),
                 "" if check.interval is None else " to ".join(_numbers(check.interval, check.unit)),
-                "" if check.paper is None else _number(check.paper, check.unit),
+                "" if check.paper is None else format_with_unit(check.paper, check.unit),
                 len(check.scenes),
                 check.verdict,
             )
@@ -243,8 +243,3 @@ def _effects(claim: ClaimResult) -> Iterator[Effect]:
 
 def _numbers(values: Iterable[float], unit: str) -> Iterator[str]:
     return (format_value(value, unit) for value in values)
-
-
-def _number(value: float, unit: str) -> str:
-    text = format_value(value, unit)
-    return text if unit in ("", "1") else f"{text}×" if unit == "×" else f"{text} {unit}"

@@ -6,7 +6,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import get_args
 
 from graycard.records import ClaimVerdict
-from graycard.reports._format import count, format_date, format_number, format_seconds, format_value
+from graycard.reports._format import (
+    count,
+    format_date,
+    format_number,
+    format_seconds,
+    format_value,
+    format_with_unit,
+)
 from graycard.reports.summary._escape import code, prose
 from graycard.reports.summary._gate import GateCheck, GateSummary
 from graycard.reports.summary._summary import ClaimSummary, JobSummary, PartSummary, RunSummary
@@ -113,7 +120,7 @@ def _gate_table(changed: Sequence[GateCheck]) -> str:
 def _gate_row(check: GateCheck) -> tuple[str, ...]:
     seed = f", seed {check.seed}" if check.seed else ""
     which = f"{code(f'{check.track}/{check.scene}')} {code(check.method)} {code(check.metric)}{seed}"
-    expected = _with_unit(check.expected, check.unit)
+    expected = format_with_unit(check.expected, check.unit)
     if check.found is None:
         return check.status, which, expected, prose(check.reason or "none"), "", ""
     return (
@@ -165,10 +172,6 @@ def _claims(claims: Sequence[ClaimSummary]) -> str:
     ]
     whole = _table(heads, rows, numbers=(2,))
     return f"{words}.\n\n<details><summary>Each claim</summary>\n\n{whole}\n\n</details>"
-
-
-def _with_unit(value: float, unit: str) -> str:
-    return format_value(value, unit) + ("" if unit in ("", "1") else f" {unit}")
 
 
 def _table(heads: Sequence[str], rows: Table, numbers: Iterable[int]) -> str:

@@ -298,8 +298,8 @@ class Viewer {
 
   chooseFirst() {
     const rank = (/** @type {string} */ layer) => ["counterfactual.radiance", "base_color", "radiance"].indexOf(layer);
-    const given = this.layers.map((row, index) => ({ index, rank: rank(row.layer), rows: row.predictions.filter((tile) => tile.picture).length }));
-    const best = given.filter((g) => g.rows && g.rank >= 0).sort((a, b) => a.rank - b.rank)[0] ?? given.find((g) => g.rows);
+    const given = this.layers.map((row, index) => ({ index, rank: rank(row.layer), rows: row.predictions.filter((tile) => tile.picture).length, bare: Number(!row.truth.picture) }));
+    const best = given.filter((g) => g.rows && g.rank >= 0).sort((a, b) => a.bare - b.bare || a.rank - b.rank)[0] ?? given.find((g) => g.rows);
     this.layer = best?.index ?? 0;
     this.right = Math.max(0, this.layers[this.layer]?.predictions.findIndex((tile) => tile.picture) ?? 0);
     if (this.names.length === 0) this.right = TRUTH;
@@ -370,8 +370,11 @@ class Viewer {
     return { label, canvas, shown };
   }
 
+  /** Light stands in for the truth of a layer that has none: a photograph. @param {number} row */
+  pictureOf(row) { return this.tileOf(row)?.picture ?? (row === TRUTH ? this.layers.find((layer) => layer.layer === "radiance")?.truth.picture : undefined); }
+
   /** @param {number} row */
-  value(row) { return () => [this.drawnOf(this.tileOf(row)?.picture)]; }
+  value(row) { return () => [this.drawnOf(this.pictureOf(row))]; }
 
   buildPanes() {
     const [a, b] = [this.left, this.right];
@@ -394,7 +397,7 @@ class Viewer {
         this.panes = [this.pane(this.error ? `error of ${this.nameOf(b)}` : this.nameOf(b), `${title}: ${this.nameOf(b)}`, this.error ? () => [this.drawnOf(this.errorOf(b)?.picture)] : this.value(b))];
         break;
       default:
-        this.panes = [this.pane(`${this.nameOf(a)} | ${this.nameOf(b)}`, `${title}: ${this.nameOf(a)} left, ${this.nameOf(b)} right`, () => [this.drawnOf(this.tileOf(a)?.picture), this.drawnOf(this.tileOf(b)?.picture)])];
+        this.panes = [this.pane(`${this.nameOf(a)} | ${this.nameOf(b)}`, `${title}: ${this.nameOf(a)} left, ${this.nameOf(b)} right`, () => [this.drawnOf(this.pictureOf(a)), this.drawnOf(this.pictureOf(b))])];
     }
     if (this.mode !== "removal" && this.errorOf(b)?.picture) this.panes.push(errorPane(b));
     need(this.stage, ".panes", HTMLElement).classList.toggle("four", this.panes.length === 4);
