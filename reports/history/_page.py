@@ -67,8 +67,13 @@ class SuiteHistory:
     rows: tuple[Row, ...]
 
 
-def render_history(history: VerdictHistory, reasons: Reasons) -> str:
-    """Return the page as HTML text without any reference to another host or file.
+def render_history(history: VerdictHistory, reasons: Reasons, home: str = "") -> str:
+    """Return the page as HTML text without any reference to another host.
+
+    Args:
+        history: All ledgers.
+        reasons: The words of people.
+        home: File beside it that the page leads back to, as the first page of a site; none if empty.
 
     Raises:
         RecordError: A reason does not fit the ledgers.
@@ -80,6 +85,7 @@ def render_history(history: VerdictHistory, reasons: Reasons) -> str:
         .get_template("history.html.j2")
         .render(
             suites=suite_histories(history, reasons),
+            home=home,
             editions=tuple(e for e in reasons.editions if used & set(e.rules)),
             verdict_class=verdict_class,
             style=Markup(style),

@@ -36,6 +36,8 @@ class BoardRow:
     method: str
     notes: tuple[str, ...]
     cells: tuple[BoardCell, ...]
+    variant: bool
+    """True for a method with settings of its own, while it stands there as itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +190,7 @@ def _board(record: RunRecord, comparison: Comparison, track: str, anchor: str) -
         count(sum(scene.track == track for scene in record.scenes), "scene"),
         board.metrics,
         tuple(_leader(head, compared) for head in board.metrics),
-        tuple(_row(s, board.metrics, compared, units) for s in (*board.competing, *board.references)),
+        tuple(_row(s, board.metrics, compared, units) for s in (*board.families, *board.references)),
     )
 
 
@@ -205,6 +207,7 @@ def _row(
     method = standing.method
     notes = [f"is handed {', '.join(method.sees)}"] if method.sees else []
     notes += ["made by other code"] if method.submitted else []
+    notes += [f"{method.variant_of} with settings of its own"] if method.variant_of else []
     cells = []
     for head, cell in zip(heads, standing.cells, strict=True):
         known = compared.standings.get((head.id, method.name))
@@ -212,4 +215,4 @@ def _row(
         interval = " to ".join(format_value(end, units[head.id]) for end in ends) if ends else ""
         cells.append(BoardCell(cell.text, interval, cell.best, cell.status))
     place = "" if standing.place is None else str(standing.place)
-    return BoardRow(place, method.name, tuple(notes), tuple(cells))
+    return BoardRow(place, method.name, tuple(notes), tuple(cells), bool(method.variant_of))

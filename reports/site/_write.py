@@ -59,7 +59,7 @@ def _files(
     names = [HISTORY_PAGE if not n else f"history-{n + 1}.html" for n in range(len(kept))]
     yield from site_pages(papers, runs, names)
     for name, one in zip(names, kept, strict=True):
-        yield name, render_history(one.history, one.reasons)
+        yield name, render_history(one.history, one.reasons, "index.html")
 
 
 def _old_files(out: Path) -> list[str]:

@@ -192,6 +192,21 @@ def test_leaderboards_tell_who_is_best_as_compare_does(own_site: Path):
         assert method.name in [words(row) for row in of_class(board, "method")]
 
 
+def test_variants_stand_below_their_method_and_never_lead(own_site: Path):
+    board = by_id(parsed(own_site / "leaderboards.html"), "dark")
+    record = read_run(OWN / "dark")
+    variants = record.variants_on("dark")
+    rows = [(words(of_class(row, "method")[0]), row) for row in board.iter("tr") if of_class(row, "method")]
+    order = [name for name, _ in rows]
+    entry = {method.name: method.entry for method in record.methods}
+    assert variants == {name for name, row in rows if row.get("class") == "variant"}
+    for name in variants:
+        above = order[: order.index(name)]
+        assert next(other for other in reversed(above) if other not in variants) == entry[name]
+    (leaders,) = of_class(board, "leaders")
+    assert not variants & {words(found) for found in of_class(leaders, "method")}
+
+
 def test_programs_read_the_same(own_site: Path):
     found = read_json(own_site / "ledger.json")
     assert (found["format"], found["format_version"]) == ("graycard-site", 1)

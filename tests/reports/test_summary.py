@@ -278,6 +278,19 @@ def test_the_gate_in_each_format(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ]
 
 
+def test_the_summary_watches_what_the_gate_watches(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """By rows and by tolerance: the score that was 1 dB worse is allowed to be 1.2."""
+    run, baseline = gated(tmp_path)
+    options = ["--baseline", str(baseline), "--rows", "mine", "--tolerance", "4"]
+    assert main(["report", str(run), "--summary", "json", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [check["status"] for check in found["gate"]["checks"]] == ["better", "kept", "kept"]
+    assert main(["report", str(run), "--summary", "md", "--baseline", "smoke"]) == 2
+    assert "expected a run of suite 'smoke'" in capsys.readouterr().err
+    assert main(["report", str(run), "--summary", "md", "--baseline", "smoky"]) == 2
+    assert "did you mean 'smoke'" in capsys.readouterr().err
+
+
 def test_a_summary_goes_to_a_file_and_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     run, _ = gated(tmp_path)
     assert main(["report", str(run), "--summary", "md", "--out", str(tmp_path / "s.md")]) == 0

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class PlanCommand:
     """Say what a large run would take: hours, disk and price, from the costs that a small run measured.
-
     Scenes and fits are taken to cost what they do in the mean of the run, at its sizes and steps.
     """
 

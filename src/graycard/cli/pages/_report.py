@@ -43,8 +43,10 @@ class ReportCommand:
     """Write this instead of the page. md fits a comment of a pull request. junit has a test case for each
     job, for each score of --baseline, and for each claim. json is for programs.
     The exit code is 0 whatever the run says: `graycard gate` fails."""
-    baseline: Annotated[Path | None, optional("FILE")] = None
+    baseline: Annotated[str | None, optional("FILE|SUITE")] = None
     """With --summary: also hold the scores against these, as `graycard gate` does."""
+    rows: Annotated[tuple[str, ...], optional("ROW ...")] = ()
+    """With --baseline: watch these rows only."""
     tolerance: Annotated[float, tyro.conf.arg(metavar="FACTOR")] = 1.0
     """With --baseline: multiply all tolerances."""
 
@@ -98,7 +100,9 @@ class ReportCommand:
             )
         record = read_run(self.run_folder)
         comparison = compare_run(record, Question(headline_ids(record)))
-        gate = None if self.baseline is None else gate_summary(record, self.baseline, self.tolerance)
+        gate = (
+            None if self.baseline is None else gate_summary(record, self.baseline, self.rows, self.tolerance)
+        )
         summary = summarise(self.run_folder, record, comparison, gate)
         for warning in summary.warnings:
             terminal.err.print(warning)
@@ -111,16 +115,26 @@ class ReportCommand:
         return OK
 
 
-def gate_summary(record: RunRecord, baseline: Path, tolerance: float = 1.0) -> GateSummary:
-    """Return the scores of a run against a baseline, all tolerances times a factor.
+def gate_summary(
+    record: RunRecord, baseline: str, rows: tuple[str, ...] = (), tolerance: float = 1.0
+) -> GateSummary:
+    """Return the scores of a run against a baseline.
+
+    Args:
+        record: The run.
+        baseline: A file, or the suite of a baseline that comes with graycard.
+        rows: Only these are watched; all of the baseline if empty.
+        tolerance: Factor on all tolerances.
 
     Raises:
+        UnknownNameError: The baseline is no file, and none of that name comes along.
         RecordError: The baseline is missing, damaged, or of another suite.
     """
-    from graycard.benchmarks import judge, read_baseline
+    from graycard.benchmarks import find_baseline, judge, read_baseline
     from graycard.reports import GateCheck, GateStatus, GateSummary
 
-    verdict = judge(record, read_baseline(baseline), slack=tolerance)
+    path = find_baseline(baseline)
+    verdict = judge(record, read_baseline(path), rows, tolerance)
     groups: dict[GateStatus, tuple[Change, ...]] = {
         "worse": verdict.worse, "missing": verdict.missing, "better": verdict.better, "kept": verdict.kept
     }  # fmt: skip
@@ -132,4 +146,4 @@ def gate_summary(record: RunRecord, baseline: Path, tolerance: float = 1.0) -> G
         for status, changes in groups.items()
         for change in changes
     )  # fmt: skip
-    return GateSummary(baseline.name, tuple(checks))
+    return GateSummary(path.name, tuple(checks))
