@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "70a2fe50dd7854fd684ca5f5e9ab1a4afe8cfb37"
+SINCE = "b52dd3395875a18d118c5c9ea9a44fc37b3060c6"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"

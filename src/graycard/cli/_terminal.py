@@ -48,7 +48,7 @@ verb: ContextVar[str] = ContextVar("verb", default="")
 
 @dataclass(frozen=True, slots=True)
 class Shell:
-    """What ``--json`` writes around a result that is no record of its own."""
+    """Frame that ``--json`` writes around a result that is no record of its own."""
 
     verb: str
     result: Any
