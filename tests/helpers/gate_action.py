@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the steps of .github/actions/gate by hand, as GitHub runs them, in a clean folder.
 
-    python tests/helpers/gate_action.py FOLDER
+    python tests/helpers/gate_action.py FOLDER [TRACK ...]
 
 It makes a repository with a method of thirty lines in FOLDER, and passes three changes of it through the
-action: one without a baseline, one that changes nothing, and one that makes the method worse.
+action, on some tracks or all: one without a baseline, one that changes nothing, and one that makes the method
+worse.
 """
 
 import os
@@ -152,11 +153,13 @@ def git(folder: Path, *words: str) -> str:
 def main() -> int:
     """Pass three changes through the action, and say what each step took."""
     folder = Path(sys.argv[1]).absolute()
-    folder.mkdir(parents=True)
-    (folder / "home").mkdir()
+    (folder / "home").mkdir(parents=True, exist_ok=True)
     checkout = make_repository(folder)
     (checkout / ".git" / "info" / "exclude").write_text("graycard-gate\n__pycache__\n")
-    inputs = {"method": "mine:Mine", "torch-index": "", "history-branch": "graycard-history"}
+    inputs = {
+        "method": "mine:Mine", "torch-index": "", "history-branch": "graycard-history",
+        "tracks": " ".join(sys.argv[2:]),
+    }  # fmt: skip
 
     def passed_through() -> int:
         runner = Runner(checkout, folder / "home", inputs)
