@@ -13,6 +13,7 @@
 #   make docs                 write the tables and figures that the docs take from code
 #   make pictures             render small scenes and draw the pictures of the docs, some minutes
 #   make site                 build the site of all docs: runs/site/index.html
+#   make ledger               build the pages of all published runs: runs/ledger/index.html
 
 SUITE ?= demo
 FUZZ_SECONDS ?= 3600
@@ -20,7 +21,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all test-gpu coverage kernels check lint fuzz gate prior weights docs pictures site clean
+.PHONY: help bench test test-all test-gpu coverage kernels check lint fuzz gate prior weights docs pictures site ledger clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -80,6 +81,9 @@ docs: .venv/installed-test
 
 pictures: .venv/installed-test
 	$(BIN)/python tests/helpers/docs_pictures.py runs/pictures
+
+ledger: .venv/installed
+	$(BIN)/graycard site reports/published --out runs/ledger
 
 site: .venv/installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -4,14 +4,15 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import get_args
 
-from graycard.records import ClaimResult, ClaimVerdict, Ledger, PaperResult
+from graycard.records import Asker, ClaimResult, ClaimVerdict, Ledger, PaperResult
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._format import count, format_value, format_with_unit
 from graycard.reports.history._changes import TABLES
-from graycard.reports.history._page import suite_histories
+from graycard.reports.history._page import Row, SuiteHistory, suite_histories
+from graycard.reports.site._anchors import Anchors
 from graycard.reports.site._sources import Kept, Published
 
 NOT_TESTED = "not testable here"
@@ -35,6 +36,8 @@ class Judgement:
 
     run: str
     """Name of the published folder; empty for papers' own tables."""
+    anchor: str
+    """Place of the run in the page of leaderboards; empty as ``run``."""
     suite: str
     verdict: str
     before: str
@@ -67,7 +70,7 @@ class PastVerdict:
     why: str
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class SiteClaim:
     """A claim."""
 
@@ -75,14 +78,14 @@ class SiteClaim:
     id: str
     sentence: str
     source: str = ""
-    asked_by: str = "paper"
-    judgements: list[Judgement] = field(default_factory=list)
-    past: list[PastVerdict] = field(default_factory=list)
+    asked_by: Asker = "paper"
+    judgements: tuple[Judgement, ...] = ()
+    past: tuple[PastVerdict, ...] = ()
 
     @property
-    def shown(self) -> list[Judgement]:
+    def shown(self) -> tuple[Judgement, ...]:
         """Return the judgements of an overview: of runs that can test it, or one where none can."""
-        told = [judgement for judgement in self.judgements if judgement.verdict != NOT_TESTED]
+        told = tuple(judgement for judgement in self.judgements if judgement.verdict != NOT_TESTED)
         return told or self.judgements[:1]
 
     @property
@@ -91,13 +94,13 @@ class SiteClaim:
         return sum(past.mark == "changed" for past in self.past)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class SitePaper:
     """A paper with all of its claims."""
 
     anchor: str
     title: str
-    claims: list[SiteClaim] = field(default_factory=list)
+    claims: tuple[SiteClaim, ...]
 
     @property
     def counted(self) -> str:
@@ -111,43 +114,42 @@ def site_papers(
     runs: Sequence[Published], tables: Sequence[Ledger], kept: Sequence[Kept]
 ) -> tuple[SitePaper, ...]:
     """Return all papers with their claims, in the order in which runs and histories have them."""
-    shelf = _Shelf()
     ledgers = [(run, run.ledger) for run in runs if run.ledger] + [(None, ledger) for ledger in tables]
-    for title in sorted({paper.title for _, ledger in ledgers for paper in ledger.papers}, key=len):
-        shelf.open(title)
+    shelf = _Shelf(sorted({paper.title for _, ledger in ledgers for paper in ledger.papers}, key=len))
     for run, ledger in ledgers:
         for paper in ledger.papers:
             for claim in paper.claims:
-                shelf.claim(paper, claim).judgements.append(_judgement(run, ledger, claim))
+                shelf.add(paper, claim, _judgement(run, ledger, claim))
     for one in kept:
         shelf.add_past(one)
     return shelf.papers()
 
 
 class _Shelf:
-    """Papers and claims as they are found; each claim of a paper once, by its id."""
+    """Papers and claims as they are found; each claim of a paper once, by its id.
 
-    def __init__(self) -> None:
-        self._papers: dict[str, SitePaper] = {}
+    Args:
+        titles: All titles of papers, the shortest first: ``Title, more words`` is the paper ``Title``.
+    """
+
+    def __init__(self, titles: Iterable[str]) -> None:
+        self._anchors = Anchors()
+        self._papers: dict[str, str] = {}
         self._names: dict[str, str] = {}
         self._claims: dict[tuple[str, str], SiteClaim] = {}
-        self._anchors: set[str] = set()
+        for title in titles:
+            self._open(title)
 
-    def open(self, title: str) -> SitePaper:
-        """Return the paper of a title; ``Title, more words`` is the paper ``Title`` where there is that."""
-        whole = next(
-            (known for known in self._papers if title == known or title.startswith(f"{known}, ")), title
-        )
-        if whole not in self._papers:
-            self._papers[whole] = SitePaper(self._anchor(f"paper-{whole.partition(' (')[0]}"), whole)
-        return self._papers[whole]
-
-    def claim(self, paper: PaperResult, claim: ClaimResult) -> SiteClaim:
-        """Return a claim of a paper, with its words if they are new."""
+    def add(self, paper: PaperResult, claim: ClaimResult, judgement: Judgement) -> None:
+        """Add what one run says of a claim."""
         self._names[paper.name] = paper.title
-        found = self._find(paper.title, claim.id, claim.sentence)
-        found.source, found.asked_by = found.source or claim.source, claim.asked_by
-        return found
+        key, found = self._find(paper.title, claim.id, claim.sentence)
+        self._claims[key] = replace(
+            found,
+            source=found.source or claim.source,
+            asked_by=claim.asked_by,
+            judgements=(*found.judgements, judgement),
+        )
 
     def add_past(self, kept: Kept) -> None:
         """Add what a history tells of each claim."""
@@ -161,37 +163,49 @@ class _Shelf:
             name = "" if suite.title == TABLES else suite.title
             for row in suite.rows:
                 paper = papers[name, row.claim]
-                claim = self._find(self._names.get(paper, paper), row.claim, row.sentence)
-                claim.past += [
-                    PastVerdict(
-                        suite.title, column.title, column.date, column.edition, column.facts, cell.verdict,
-                        cell.mark, cell.causes, cell.why,
-                    )
-                    for column, cell in zip(suite.columns, row.cells, strict=True)
-                    if cell.verdict
-                ]  # fmt: skip
+                key, found = self._find(self._names.get(paper, paper), row.claim, row.sentence)
+                self._claims[key] = replace(found, past=(*found.past, *_past(suite, row)))
 
     def papers(self) -> tuple[SitePaper, ...]:
-        """Return the papers that have claims, claims by number."""
-        for paper in self._papers.values():
-            paper.claims.sort(key=lambda claim: _natural(claim.id))
-        return tuple(sorted((p for p in self._papers.values() if p.claims), key=lambda p: p.title))
+        """Return the papers that have claims, by title, and their claims by number."""
+        found: dict[str, list[SiteClaim]] = {}
+        for (title, _), claim in self._claims.items():
+            found.setdefault(title, []).append(claim)
+        return tuple(
+            SitePaper(self._papers[title], title, tuple(sorted(found[title], key=lambda c: _natural(c.id))))
+            for title in sorted(found)
+        )
 
-    def _find(self, title: str, claim: str, sentence: str) -> SiteClaim:
-        paper = self.open(title)
-        key = paper.title, claim
+    def _find(self, title: str, claim: str, sentence: str) -> tuple[tuple[str, str], SiteClaim]:
+        key = self._open(title), claim
         if key not in self._claims:
-            self._claims[key] = SiteClaim(self._anchor(claim), claim, sentence)
-            paper.claims.append(self._claims[key])
-        return self._claims[key]
+            self._claims[key] = SiteClaim(self._anchors.take(claim), claim, sentence)
+        return key, self._claims[key]
 
-    def _anchor(self, text: str) -> str:
-        """Return a name that no other part of the page has: the text itself where that can be."""
-        plain = re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-") or "claim"
-        tries = (plain if number == 1 else f"{plain}-{number}" for number in range(1, 10_000))
-        found = next(name for name in tries if name not in self._anchors)
-        self._anchors.add(found)
-        return found
+    def _open(self, title: str) -> str:
+        """Return the title of the paper that a title is of."""
+        alike = (known for known in self._papers if title == known or title.startswith(f"{known}, "))
+        whole = next(alike, title)
+        if whole not in self._papers:
+            self._papers[whole] = self._anchors.take(f"paper-{whole.partition(' (')[0]}")
+        return whole
+
+
+def _past(suite: SuiteHistory, row: Row) -> Iterator[PastVerdict]:
+    """Yield each verdict that a claim had in one suite."""
+    for column, cell in zip(suite.columns, row.cells, strict=True):
+        if cell.verdict:
+            yield PastVerdict(
+                suite.title,
+                column.title,
+                column.date,
+                column.edition,
+                column.facts,
+                cell.verdict,
+                cell.mark,
+                cell.causes,
+                cell.why,
+            )
 
 
 def _natural(text: str) -> list[tuple[int, int | str]]:
@@ -205,6 +219,7 @@ def _judgement(run: Published | None, ledger: Ledger, claim: ClaimResult) -> Jud
     linked = run is not None and anchor in run.anchors
     return Judgement(
         run=run.name if run else "",
+        anchor=run.anchor if run else "",
         suite=ledger.suite or TABLES,
         verdict=claim.verdict,
         before=claim.before or "",

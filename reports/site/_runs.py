@@ -93,6 +93,8 @@ class SiteRun:
     """One published run."""
 
     name: str
+    anchor: str
+    """Name of its place in a page."""
     suite: str
     version: int
     title: str
@@ -122,6 +124,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
     told = run.ledger.methods if run.ledger else {}
     return SiteRun(
         name=run.name,
+        anchor=run.anchor,
         suite=record.suite,
         version=record.suite_version,
         title=str(suite.get("title", "")),
@@ -138,7 +141,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
         ),
         pictures=_pictures(suite.get("render")),
         edition=record.edition.tag if record.edition else "",
-        boards=tuple(_board(record, comparison, track, f"{run.name}-{track}") for track in names),
+        boards=tuple(_board(record, comparison, track, f"{run.anchor}--{track}") for track in names),
         scenes=tuple(map(_scene, record.scenes)),
         methods=tuple(_method(method, told.get(method.name, "")) for method in record.methods),
     )

@@ -18,6 +18,7 @@ from graycard.records import (
     read_ledger,
 )
 from graycard.reports.history._reasons import Reasons, load_reasons
+from graycard.reports.site._anchors import Anchors
 
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""
@@ -30,6 +31,8 @@ class Published:
     """One published folder."""
 
     name: str
+    anchor: str
+    """Name of its place in a page."""
     folder: Path
     ledger: Ledger | None
     anchors: frozenset[str]
@@ -62,7 +65,8 @@ def published_runs(places: Sequence[Path]) -> tuple[Published, ...]:
         raise RecordError(
             f"expected published runs of different names, got {', '.join(names) or 'none'}. Rename a folder"
         )
-    return tuple(map(_published, folders))
+    anchors = Anchors()
+    return tuple(_published(folder, anchors) for folder in folders)
 
 
 def histories(runs: Iterable[Published]) -> tuple[Kept, ...]:
@@ -102,11 +106,11 @@ def _folders_at(place: Path) -> list[Path]:
     )
 
 
-def _published(folder: Path) -> Published:
+def _published(folder: Path, taken: Anchors) -> Published:
     name = folder.resolve().name
     try:
         check_name(name)
     except ValueError as fault:
         raise RecordError(f"{fault}. Rename the folder {folder}") from fault
     anchors = frozenset(found.decode() for found in _ANCHOR.findall(read_bytes(folder / PUBLISHED_PAGE)))
-    return Published(name, folder, read_ledger(folder), anchors)
+    return Published(name, taken.take(name), folder, read_ledger(folder), anchors)

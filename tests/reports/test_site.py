@@ -37,6 +37,7 @@ from graycard.reports.history._reasons import REASONS
 
 HOSTILE = "<script>window.broken = 1</script>"
 PAGES = ("index", "claims", "leaderboards", "scenes", "methods", "submit", "history")
+CLAIMS_WITH_BAD_NAMES = (HOSTILE, "S1", "S1 ", "a b", "a-b", "content", "S1--title")
 RULES = {"better": "the sign is certain"}
 REASONS_TEXT = f"""
 [[editions]]
@@ -48,7 +49,7 @@ rules = ["{rules_hash(RULES)}"]
 [[reasons]]
 suite = "smoke"
 entry = 2
-claims = ["{HOSTILE}", "S1", "S1 ", "a b", "a-b"]
+claims = {json.dumps(CLAIMS_WITH_BAD_NAMES)}
 causes = ["checks changed"]
 why = "{HOSTILE} was asked otherwise."
 """
@@ -81,7 +82,7 @@ def ledger_with(run: Path, verdict: str, asks: float) -> Ledger:
     )  # fmt: skip
     claims = tuple(
         ClaimResult(name, HOSTILE, HOSTILE, verdict, HOSTILE, "", (check,), needs=HOSTILE)  # pyright: ignore[reportArgumentType]
-        for name in (HOSTILE, "S1", "S1 ", "a b", "a-b")
+        for name in CLAIMS_WITH_BAD_NAMES
     )
     paper = PaperResult("p", 1, f"{HOSTILE} (2026)", "", claims)
     return Ledger("smoke", 3, sha256(run / "run.json"), 0.95, RULES, {"gray": HOSTILE}, (paper,))
@@ -235,8 +236,9 @@ def test_a_paper_over_several_suites_is_one(own_site: Path):
 def test_pages_are_valid_and_ask_nobody(site: str, name: str, request: pytest.FixtureRequest):
     folder: Path = request.getfixturevalue(site)
     page = parsed(folder / f"{name}.html")
-    ids = [element.get("id") for element in page.iter() if element.get("id")]
+    ids = [str(element.get("id")) for element in page.iter() if element.get("id")]
     assert len(ids) == len({*ids})
+    assert not [name for name in ids if re.search(r"\s", name)]
     (policy,) = (m.get("content") for m in page.iter("meta") if m.get("http-equiv"))
     assert str(policy).startswith("default-src 'none'; img-src data:; style-src 'sha256-")
     assert not list(page.iter("script"))
@@ -279,7 +281,7 @@ def test_hostile_names_stay_words(hostile_site: Path):
     page = parsed(hostile_site / "claims.html")
     articles = of_class(page, "site-claim")
     assert sorted(str(article.get("id")) for article in articles) == [
-        "S1", "S1-2", "a-b", "a-b-2", "script-window.broken-1-script",
+        "S1", "S1-2", "S1-title", "a-b", "a-b-2", "content-2", "script-window.broken-1-script",
     ]  # fmt: skip
     for article in articles:
         assert HOSTILE in words(article)
