@@ -95,20 +95,23 @@ gate() {
 
 # Add the commit to the history, on a branch of its own that shares nothing with your code.
 with_history() {
-  local graycard=$1 place=$run/history code=0
+  local graycard=$1 place=$run/history code=0 origin header
   shift
+  origin=$(git remote get-url origin)
+  # actions/checkout keeps its token in the configuration of the checkout
+  header=$(git config --get http.https://github.com/.extraheader || true)
+  local access=(${header:+-c "http.https://github.com/.extraheader=$header"})
   rm -rf "$place"
-  if ! git clone --quiet --depth=1 --single-branch --branch "$GATE_HISTORY" "$(git remote get-url origin)" "$place" 2>/dev/null; then
+  if ! git "${access[@]}" clone --quiet --depth=1 --single-branch --branch "$GATE_HISTORY" "$origin" "$place" 2>/dev/null; then
     git init --quiet --initial-branch "$GATE_HISTORY" "$place"
-    git -C "$place" remote add origin "$(git remote get-url origin)"
+    git -C "$place" remote add origin "$origin"
   fi
   "$graycard" gate "$run" "$@" --history "$place" --commit "$(git rev-parse HEAD)" || code=$?
   git -C "$place" add gate-history.json README.md
-  # actions/checkout keeps its token in the configuration of the checkout
-  local header
-  header=$(git config --get http.https://github.com/.extraheader || true)
   git -C "$place" -c user.name=graycard -c user.email=graycard@localhost commit --quiet -m "Record $(git rev-parse --short HEAD)" || true
-  git -C "$place" ${header:+-c "http.https://github.com/.extraheader=$header"} push --quiet origin "$GATE_HISTORY"
+  if ! git -C "$place" "${access[@]}" push --quiet origin "$GATE_HISTORY"; then
+    echo "The history was not pushed: it needs the right to write (permissions: contents: write)" >&2
+  fi
   return "$code"
 }
 
