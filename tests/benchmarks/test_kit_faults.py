@@ -7,7 +7,7 @@ import pytest
 
 import faulty_methods
 from graycard import UnknownNameError
-from graycard.benchmarks.kit import KINDS, Findings, check_method
+from graycard.benchmarks.kit import KINDS, Findings, _decompositions, check_method
 from graycard.benchmarks.kit import _check as check
 from graycard.methods import BUILT_IN
 from kit_here import checked_here
@@ -52,7 +52,10 @@ def test_a_method_without_a_fault_has_none(in_process: None):
     "planted",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in faulty_methods.FAULTS],
 )
-def test_each_planted_fault_is_named_and_no_other(planted: str, in_process: None):
+def test_each_planted_fault_is_named_and_no_other(
+    planted: str, in_process: None, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_decompositions, "_SLOW_S", 1.0)  # ten seconds would be long in a test
     wanted = faulty_methods.FAULTS[planted][1]
     found = check_method(name_of(planted))
     assert wanted in named(found), found.faults
