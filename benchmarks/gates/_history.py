@@ -161,13 +161,19 @@ def _row(now: Mean, entries: Sequence[Entry]) -> str:
 
 def sparkline(values: Sequence[float | None]) -> str:
     """Return values as bars of a line of text, the largest the highest; a value that lacks is a gap."""
-    known = [value for value in values if value is not None]
+    known = [value for value in values if value is not None and math.isfinite(value)]
     low, high = min(known, default=0.0), max(known, default=0.0)
-    step = (high - low) / (len(_BARS) - 1)
     return "".join(
-        "·" if value is None else _BARS[round((value - low) / step) if step else len(_BARS) // 2]
+        "·" if value is None or not math.isfinite(value) else _BARS[_height(value, low, high)]
         for value in values
     )
+
+
+def _height(value: float, low: float, high: float) -> int:
+    span = high - low
+    if not 0 < span < math.inf:
+        return len(_BARS) // 2
+    return round((value - low) / span * (len(_BARS) - 1))
 
 
 def escaped(text: str) -> str:

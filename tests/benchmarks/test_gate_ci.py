@@ -154,3 +154,5 @@ def test_a_sparkline_shows_gaps_and_constant_lines():
     assert sparkline([1.0, None, 2.0]) == "▁·█"
     assert sparkline([3.0, 3.0]) == "▅▅"
     assert sparkline([]) == ""
+    assert sparkline([1.0, float("inf"), float("nan"), 2.0]) == "▁··█"
+    assert sparkline([-1.7e308, 1.7e308]) == "▅▅", "their difference is no number"
