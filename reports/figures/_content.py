@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard import RecordError, UnknownNameError, View, find_layer
-from graycard.records import JobResult, RunRecord, SceneRecord, read_run
+from graycard.records import JobResult, RunRecord, SceneRecord, is_published, read_run
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, open_method, open_scene, usable_layer
 from graycard.reports._format import format_number, format_with_unit
 from graycard.reports._scores import find_score
@@ -95,6 +95,11 @@ def figure_content(run: Path, spec: FigureSpec) -> FigureContent:
         RecordError: No rows or no layers are named, or the run is damaged.
         DatasetError: The folder of the scene is gone or damaged.
     """
+    if is_published(run):
+        raise RecordError(
+            f"expected a run with scenes and predictions, got a published folder, {run}, which has records "
+            "alone. Name the run that it was made of"
+        )
     record = read_run(run)
     for what, named in (("rows", spec.rows), ("layers", spec.layers)):
         if not named or len({*named}) < len(named):

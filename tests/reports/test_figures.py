@@ -26,6 +26,7 @@ from graycard import (
 from graycard.cli import main
 from graycard.reports import FigureSpec, write_figure
 from graycard.reports.figures._content import FigureContent, figure_content
+from graycard.reports.history._keep import OWN
 from graycard.reports.pictures._colour_maps import STEPS
 
 HOSTILE = "<script>window.broken = 1</script>"
@@ -198,6 +199,12 @@ def test_other_files_and_widths_are_refused(
 ):
     with pytest.raises(GraycardError, match=told):
         write_figure(tiny_run, SPEC, tmp_path / name, width)
+
+
+def test_a_published_folder_has_no_pictures(tmp_path: Path):
+    spec = FigureSpec("matte-table-0018", ("goris",), ("radiance",))
+    with pytest.raises(RecordError, match="got a published folder, .*matte, which has records alone"):
+        write_figure(OWN / "matte", spec, tmp_path / "fig.svg")
 
 
 def test_the_verb(make_run: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
