@@ -136,10 +136,10 @@ def _content(
         if any(cell.metric for cell in cells):
             notes.append(f"below {name}: {next(c.metric for c in cells if c.metric)} of view {view.name}")
         strips.append(Strip(title_of(name), (*first, truth, *cells), _value_bar(layer)))
-        if spec.errors:
-            maps = [_error(layer, view, method) for method in methods]
+        maps = [_error(layer, view, method) for method in methods] if spec.errors else []
+        if any(maps):
             bar = Bar("error", 0.0, layer.error_high, error_unit(name))
-            strips.append(Strip("Error", (*(None for _ in first), None, *maps), bar if any(maps) else None))
+            strips.append(Strip("Error", (*(None for _ in first), None, *maps), bar))
     columns = (*(["photograph"] if photograph else []), "truth", *spec.rows)
     height, width = view.camera.height, view.camera.width
     return FigureContent(columns, tuple(strips), height / width, view.name, tuple(notes))

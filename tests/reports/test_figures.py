@@ -119,7 +119,7 @@ def test_a_training_view_has_its_photograph(tiny_run: Path):
         tiny_run, FigureSpec("dark/tiny-0000", ("gray",), ("base_color", "radiance"), "train_000")
     )
     assert content.columns == ("photograph", "truth", "gray")
-    color, _, light, _ = content.strips
+    color, light = content.strips  # that run has predictions of held-out views alone, and no errors
     assert color.cells[0] is None
     assert light.cells[0]
     capture = open_capture(tiny_run / "dataset/dark/tiny-0000/capture", check=False)
@@ -159,6 +159,10 @@ def test_a_failed_job_leaves_its_place_empty_and_says_so(tiny_run: Path):
     assert failed
     assert (failed.pixels, failed.text) == (None, "failed")
     assert content.strips[1].cells[1] is None
+    alone = figure_content(tiny_run, FigureSpec("dark/tiny-0000", (HOSTILE,), ("radiance",)))
+    assert [strip.label for strip in alone.strips] == ["Radiance"], (
+        "no error is known, and no place is left for it"
+    )
 
 
 def test_the_figure_is_as_wide_as_asked_for(tiny_run: Path, tmp_path: Path):
