@@ -24,7 +24,7 @@ from graycard.benchmarks.kit._faults import Fault
 from graycard.benchmarks.kit._layers import differences, usable
 from graycard.benchmarks.kit._raised import ENDED, fault_of
 from graycard.io import from_builtins, silent, to_builtins
-from graycard.methods import Ask, Removable
+from graycard.methods import Ask, Priors, Removable
 from graycard.methods.confined import PROBE, Fact, Known, ProbedMethod, confined, of_kind
 from graycard.methods.priors import PriorSpec
 from graycard.processes import Outcome
@@ -91,9 +91,16 @@ class _Course:
         Raises:
             GraycardError: As the method raises.
         """
+        return self.method.fit(self.capture, self.priors(), self.trial.settings, _SEED)[0]
+
+    def priors(self) -> Priors:
+        """Return what the method is handed.
+
+        Raises:
+            GraycardError: The scene has no such truth, as one without a target.
+        """
         trial, known = self.trial, self.known
-        priors = priors_for(known.needs, known.asks, trial.priors, self.capture, trial.scene)
-        return self.method.fit(self.capture, priors, trial.settings, _SEED)[0]
+        return priors_for(known.needs, known.asks, trial.priors, self.capture, trial.scene)
 
 
 def run_stage(asked: tuple[str, Trial]) -> Outcome:
@@ -135,6 +142,10 @@ def _tried(course: _Course) -> Result:
     """Fit a method and look at all that it gives."""
     method, faults = course.method, list[Fault]()
     method.watch()
+    try:
+        course.priors()
+    except GraycardError as error:
+        return Result(refused=str(error))
     try:
         made = course.fit()
     except GraycardError as error:
