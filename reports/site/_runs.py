@@ -23,6 +23,8 @@ class BoardCell:
 
     text: str
     interval: str
+    lacks: tuple[str, ...]
+    """Words on jobs or scenes that are not in the mean; empty where all are."""
     best: bool
     status: str
 
@@ -216,6 +218,6 @@ def _row(
         known = compared.standings.get((head.id, method.name))
         ends = known.interval if known and cell.status == "scored" else None
         interval = " to ".join(format_value(end, units[head.id]) for end in ends) if ends else ""
-        cells.append(BoardCell(cell.text, interval, cell.best, cell.status))
+        cells.append(BoardCell(cell.text, interval, cell.lacks, cell.best, cell.status))
     place = "" if standing.place is None else str(standing.place)
     return BoardRow(place, method.name, tuple(notes), tuple(cells), bool(method.variant_of))

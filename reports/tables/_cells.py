@@ -44,6 +44,8 @@ class Cell:
     best: bool = False
     plot: IntervalPlot | None = None
     """Plot of the mean with its interval; None where scores of one scene stand."""
+    lacks: tuple[str, ...] = ()
+    """Those notes that say which jobs or scenes are not in the mean; empty where all are."""
 
 
 def read_metric(result: JobResult, metric: str) -> Reading:
@@ -120,21 +122,23 @@ def _reading_of(scene: str, score: Score) -> Reading:
 
 def _scored_cell(scored: Sequence[Reading], expected: int, unit: str, detailed: bool) -> Cell:
     value = mean_over_scenes((r.scene, r.value) for r in scored if r.value is not None)
+    lacks = (f"{len(scored)} of {expected} scored",) if len(scored) < expected else ()
+    details = _details(scored[0], unit) if detailed and expected == 1 else ()
     return Cell(
         "scored",
         format_value(value, unit),
         value,
-        _notes(scored, expected, unit) + (_details(scored[0], unit) if detailed and expected == 1 else ()),
-        complete=len(scored) == expected,
+        (*lacks, *_ceiling(scored, unit), *details),
+        complete=not lacks,
+        lacks=lacks,
     )
 
 
-def _notes(scored: Sequence[Reading], expected: int, unit: str) -> tuple[str, ...]:
-    notes = [f"{len(scored)} of {expected} scored"] if len(scored) < expected else []
+def _ceiling(scored: Sequence[Reading], unit: str) -> tuple[str, ...]:
     ceilings = [(r.scene, r.noise_ceiling) for r in scored if r.noise_ceiling is not None]
-    if len(ceilings) == len(scored):
-        notes.append(f"ceiling {format_value(mean_over_scenes(ceilings), unit)}")
-    return tuple(notes)
+    if len(ceilings) < len(scored):
+        return ()
+    return (f"ceiling {format_value(mean_over_scenes(ceilings), unit)}",)
 
 
 def _details(reading: Reading, unit: str) -> tuple[str, ...]:

@@ -55,10 +55,12 @@ class Leaderboard:
 
     @property
     def families(self) -> tuple[Standing, ...]:
-        """Competing rows by place, variants below the row of their method."""
+        """Competing rows by place, variants below the row of their method where that competes too."""
+        roots = {row.method.name for row in self.competing if not row.method.variant_of}
         under: dict[str, list[Standing]] = {}
         for row in self.competing:
-            under.setdefault(row.method.variant_of, []).append(row)
+            above = row.method.variant_of
+            under.setdefault(above if above in roots else "", []).append(row)
         return tuple(r for own in under.get("", ()) for r in (own, *under.get(own.method.name, ())))
 
     @property
@@ -126,6 +128,7 @@ def leaderboard(
     Only methods with a job among ``results`` have a row. A cell without the whole count of scenes
     takes the last place: to fail a hard scene must not pay. A column that one method alone provides does
     not count: it would give that method a first place without a rival, and all others the last.
+    Variants have places, and are never marked as best, as they lead in no verdict.
     """
     heads = _heads(record, results)
     rivals = [h for h in heads if not h.sees]
@@ -135,6 +138,7 @@ def leaderboard(
     rows = {h: tuple(columns[m][h] for m in shown) for h in heads}
     counted = [sum(_provides(columns[m][h]) for h in rivals) > 1 for m in shown]
     places = {m: _places({h: columns[m][h] for h in rivals}, m.higher_is_better) for m in shown}
+    best = {m: _best(columns[m], m.higher_is_better) for m in shown}
     told = [m for m, counts in zip(shown, counted, strict=True) if counts]
     order = {h: sum(places[m][h] for m in told) / max(len(told), 1) for h in rivals}
     ranked = sorted(rivals, key=lambda h: order[h])
@@ -147,7 +151,7 @@ def leaderboard(
             Standing(
                 h,
                 _rank(order[h], order.values()),
-                tuple(_marked(columns[m][h], places[m][h]) for m in shown),
+                tuple(replace(columns[m][h], best=h in best[m]) for m in shown),
             )
             for h in ranked
         ),
@@ -165,11 +169,11 @@ def metric_rows(
     for metric in metrics:
         readings = _readings(results, metric)
         cells = _column(readings, methods, metric, detailed=True)
-        places = _places({h: c for h, c in cells.items() if not h.sees}, metric.higher_is_better)
-        marked = {h: _marked(cells[h], place) for h, place in places.items()}
+        best = _best(cells, metric.higher_is_better)
         parts, rules = _breakdowns(readings, methods, metric)
         head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
-        rows.append(MetricRow(head, tuple((cells | marked).values()), parts, rules))
+        marked = tuple(replace(cell, best=h in best) for h, cell in cells.items())
+        rows.append(MetricRow(head, marked, parts, rules))
     return tuple(rows)
 
 
@@ -262,7 +266,8 @@ def _cell(readings: _Readings, method: str, metric: MetricRecord, detailed: bool
     run, every = len({r.scene for r in own}), len(readings.scenes)
     if run == every or cell.status != "scored":
         return cell
-    return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
+    told = f"run on {run} of {every} scenes"
+    return replace(cell, complete=False, notes=(told, *cell.notes), lacks=(told, *cell.lacks))
 
 
 def _heads(record: RunRecord, results: Sequence[JobResult]) -> list[MethodHead]:
@@ -317,15 +322,18 @@ def _breakdowns(
     return tuple((name, text) for name, text in texts.items() if text), rules
 
 
-def _marked(cell: Cell, place: int) -> Cell:
-    return replace(cell, best=True) if cell.complete and place == 1 else cell
+def _best(column: Mapping[MethodHead, Cell], higher_is_better: bool) -> set[MethodHead]:
+    """Return the methods with the best whole mean of a column, no reference and no variant among them."""
+    own = {h: c for h, c in column.items() if not h.sees and not h.variant_of}
+    return {h for h, place in _places(own, higher_is_better).items() if place == 1 and own[h].complete}
 
 
 def _places(column: Mapping[MethodHead, Cell], higher_is_better: bool) -> dict[MethodHead, int]:
     """Return the place of each competing method in a column; the last for one that lacks a scene."""
     sign = -1 if higher_is_better else 1
-    whole = {h: sign * c.value for h, c in column.items() if c.value is not None and c.complete}
-    ordered = sorted(value for value in whole.values() if not math.isnan(value))
+    known = {h: sign * c.value for h, c in column.items() if c.value is not None and c.complete}
+    whole = {h: value for h, value in known.items() if not math.isnan(value)}
+    ordered = sorted(whole.values())
     return {h: 1 + bisect_left(ordered, whole[h]) if h in whole else len(column) for h in column}
 
 

@@ -110,7 +110,7 @@ def _nobody(methods: Sequence[MethodStanding]) -> LeaderVerdict:
 
 
 def _alone(methods: Sequence[MethodStanding]) -> str:
-    """Score of the only method with a score of every scene."""
+    """Return the words on the only method with a score of every scene."""
     partial = sum(m.competes and m.mean is not None and m.scenes < m.expected for m in methods)
     return "no rival with every scene" if partial else "no rival"
 

@@ -19,6 +19,7 @@ from graycard.reports._templates import TEMPLATES
 from graycard.reports.parts._islands import without_bytes
 from graycard.reports.parts._kept import kept_scenes
 from opened import opened
+from runs_of_size import write_made_up
 
 MakeRun = Callable[..., tuple[Path, RunRecord]]
 VOID = {"meta", "img", "input", "br", "link"}
@@ -305,3 +306,20 @@ def test_long_list_of_what_a_reference_sees_is_cut(make_run: MakeRun) -> None:
 def test_templates_have_no_handlers_and_no_unsafe_filter() -> None:
     text = "".join(p.read_text(encoding="utf-8") for p in sorted(TEMPLATES.glob("*.j2")))
     assert not re.search(r"\|\s*safe|\son\w+=|style=|javascript:", text)
+
+
+def test_a_mean_that_lacks_a_scene_says_so_wherever_it_stands(tmp_path: Path) -> None:
+    """One row was not run on one of three scenes; it is made up, so no scene has pictures."""
+    record = write_made_up(tmp_path, 5, 3, metrics=2)
+    left = tuple(r for r in record.results if (r.job.method, r.job.scene) != ("row-4", "scene-2"))
+    write_json(tmp_path / "run.json", replace(record, results=left))
+    page = opened(write_report(tmp_path).read_text(encoding="utf-8"))
+    for name in ("dots", "scores leaderboard"):
+        (table,) = re.findall(f'<table class="{name}">.*?</table>', page, re.S)
+        (row,) = re.findall(r'<tr data-row="row-4".*?</tr>', table, re.S)
+        assert row.count('<span class="note lacks">run on 2 of 3 scenes</span>') == 2
+        assert table.count("note lacks") == 2
+    outline = Outline(page)
+    worst = outline.all("a", **{"class": "worst-cell"})
+    assert worst
+    assert {str(a["href"])[1:] for a in worst} <= {a.get("id") for _, a in outline.found}

@@ -52,9 +52,13 @@ def make_result(method: str, scene: str, *scores: Score, seed: int = 0, failed: 
     return JobResult(job, "h", "f", "done", sheet=ScoreSheet("dark", scene, method, "", "", scores))
 
 
-def make_board(results: list[JobResult], sees: dict[str, tuple[str, ...]] | None = None) -> Leaderboard:
+def make_board(
+    results: list[JobResult],
+    sees: dict[str, tuple[str, ...]] | None = None,
+    entries: dict[str, str] | None = None,
+) -> Leaderboard:
     names = dict.fromkeys(r.job.method for r in results)
-    methods = tuple(MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
+    methods = tuple(MethodRecord(n, "", (sees or {}).get(n, ()), (entries or {}).get(n, "")) for n in names)
     record = RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
     metrics = metrics_of(record, results)
     compared = compare_track(None, record, "dark", metrics)
@@ -138,6 +142,8 @@ def test_failing_the_hard_scene_does_not_pay() -> None:
     assert [s.method.name for s in board.competing] == ["steady", "quitter"]
     quitter = board.competing[1].cells[0]
     assert (quitter.text, quitter.notes, quitter.best) == ("40.00", ("1 of 2 scored",), False)
+    assert quitter.lacks == ("1 of 2 scored",)
+    assert board.competing[0].cells[0].lacks == ()
 
 
 def test_equal_values_share_their_place() -> None:
@@ -293,6 +299,7 @@ def test_method_that_was_not_run_on_every_scene_is_not_compared() -> None:
         ("everywhere", True), ("once", False),
     ]  # fmt: skip
     assert "run on 1 of 2 scenes" in board.competing[1].cells[0].notes
+    assert "run on 1 of 2 scenes" in board.competing[1].cells[0].lacks
 
 
 def test_scene_without_the_metric_does_not_count() -> None:
@@ -316,3 +323,37 @@ def test_metric_that_nobody_provides_is_named_and_has_no_row() -> None:
     rows, silent = told_rows(metric_rows(results, make_board(results).methods, (UP, DOWN, SIDE)))
     assert [row.metric.id for row in rows] == ["a.up", "b.side"]
     assert silent == "Down"
+
+
+FAMILY = {"own": "own", "own-long": "own", "other": "other"}
+"""A method, the same with other settings, and a rival."""
+
+
+def family_results() -> list[JobResult]:
+    """The variant is better than all."""
+    values = {"own": 3.0, "own-long": 5.0, "other": 2.0}
+    return [make_result(name, "a", make_score(UP, value)) for name, value in values.items()]
+
+
+def test_a_variant_has_its_place_and_is_never_marked_as_best() -> None:
+    board = make_board(family_results(), entries=FAMILY)
+    assert [(s.method.name, s.place, s.cells[0].best) for s in board.families] == [
+        ("own", 2, True), ("own-long", 1, False), ("other", 3, False),
+    ]  # fmt: skip
+    (row,) = metric_rows(family_results(), board.methods, [UP])
+    assert [cell.best for cell in row.cells] == [True, False, False]
+
+
+def test_a_variant_of_a_row_that_does_not_compete_has_a_line() -> None:
+    board = make_board(family_results(), {"own": ("normal",)}, FAMILY)
+    assert [head.name for head in board.methods] == ["own-long", "other", "own"]
+
+
+def test_a_mean_of_both_infinities_is_not_the_best() -> None:
+    results = [
+        make_result("wild", "a", make_score(UP, math.inf)),
+        make_result("wild", "b", make_score(UP, -math.inf)),
+        *(make_result("tame", scene, make_score(UP, 1)) for scene in "ab"),
+    ]
+    board = make_board(results)
+    assert [(s.method.name, s.cells[0].best) for s in board.competing] == [("tame", True), ("wild", False)]

@@ -5,6 +5,7 @@ import json
 import re
 import xml.etree.ElementTree as Xml
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
@@ -34,6 +35,7 @@ from graycard.reports.history._changes import TABLES
 from graycard.reports.history._entries import entry_of, rules_hash
 from graycard.reports.history._keep import OWN
 from graycard.reports.history._reasons import REASONS
+from runs_of_size import write_made_up
 
 HOSTILE = "<script>window.broken = 1</script>"
 PAGES = ("index", "claims", "leaderboards", "scenes", "methods", "submit", "history")
@@ -333,3 +335,14 @@ def test_what_is_not_published_is_refused(tiny_run: Path, tmp_path: Path, capsys
     assert main(["site", "--out", str(tmp_path / "site")]) == 2
     assert "expected published folders, got none" in capsys.readouterr().err
     assert not (tmp_path / "site").exists()
+
+
+def test_a_mean_that_lacks_a_scene_says_so(tmp_path: Path):
+    record = write_made_up(tmp_path / "run", 5, 3, metrics=2)
+    left = tuple(r for r in record.results if (r.job.method, r.job.scene) != ("row-4", "scene-2"))
+    write_json(tmp_path / "run" / "run.json", replace(record, results=left))
+    publish(tmp_path / "run", tmp_path / "published" / "one")
+    write_site([tmp_path / "published"], tmp_path / "site", compare)
+    page = parsed(tmp_path / "site" / "leaderboards.html")
+    rows = {words(found[0]): words(row) for row in page.iter("tr") if (found := of_class(row, "method"))}
+    assert [name for name, row in rows.items() if "run on 2 of 3 scenes" in row] == ["row-4"]
