@@ -3,8 +3,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, get_args
 
@@ -58,6 +58,8 @@ class ClaimRow:
     """Share of refits with this verdict, in words."""
     budget: BudgetTable | None
     checks: tuple[CheckRow, ...]
+    anchor: str = ""
+    """Place in the page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,22 @@ def section_of(ledger: Ledger, run: Path) -> ClaimsSection:
     """Return the section of a ledger, whose run lies in a folder."""
     stale = ledger.run_sha256 != sha256(run / "run.json")
     level = f"{100 * ledger.level:.4g} %"
-    return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale, LEGEND, level)
+    papers = tuple(_anchored(map(_paper, ledger.papers)))
+    return ClaimsSection(papers, ledger.rules, stale, LEGEND, level)
+
+
+def _anchored(papers: Iterable[PaperRows]) -> Iterator[PaperRows]:
+    """Yield papers whose claims have places of their own in the page: two files may use one id."""
+    times: Counter[str] = Counter()
+
+    def place(row: ClaimRow) -> ClaimRow:
+        times[row.claim.id] += 1
+        number = times[row.claim.id]
+        return replace(row, anchor=f"claim-{row.claim.id}" + (f"-{number}" if number > 1 else ""))
+
+    for paper in papers:
+        groups = (replace(group, claims=tuple(map(place, group.claims))) for group in paper.groups)
+        yield replace(paper, groups=tuple(groups))
 
 
 def _paper(paper: PaperResult) -> PaperRows:

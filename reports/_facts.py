@@ -26,6 +26,8 @@ class JobRow:
     seed: int
     status: str
     wall: str
+    wall_s: float | None
+    """The same as a number, by which rows are sorted; None where it was not measured."""
     memory: str
     job_hash: str
     predictions: str
@@ -86,6 +88,7 @@ def _job_row(result: JobResult) -> JobRow:
         seed=job.seed,
         status=result.status,
         wall=format_seconds(cost.wall_s) if cost else "–",
+        wall_s=cost.wall_s if cost else None,
         memory=f"{cost.peak_memory_mib:.0f} MiB" if cost else "–",
         job_hash=result.job_hash,
         predictions=result.sheet.predictions_sha256 if result.sheet else "–",
@@ -99,7 +102,7 @@ def _count_jobs(results: Sequence[JobResult]) -> str:
 
 
 def _is_nested(value: Any) -> bool:
-    """Return a mapping, or a list that holds something nested; a list of plain values is one text."""
+    """Return true for a mapping, or a list that holds something nested; plain values are one text."""
     if isinstance(value, Mapping):
         return True
     return isinstance(value, list | tuple) and any(isinstance(v, Mapping | list | tuple) for v in value)

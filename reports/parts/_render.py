@@ -4,6 +4,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
 from jinja2 import Environment
 from markupsafe import Markup, escape
@@ -42,11 +43,11 @@ class Renderer:
         self._environment: Environment = environment()
         self._modules: dict[str, Any] = {}
 
-    def part(self, file: str, macro: str, *content: object, **told: object) -> str:
+    def part(self, file: str, macro: str, *content: object) -> str:
         """Return the HTML of one part."""
         module = self._modules.get(file)
         if module is None:
-            module = self._environment.get_template(file).make_module({"explains": EXPLAINS, **told})
+            module = self._environment.get_template(file).make_module({"explains": EXPLAINS})
             self._modules[file] = module
         return str(getattr(module, macro)(*content))
 
@@ -89,11 +90,12 @@ def render_files(page: Page, index: str, folder: str) -> Iterator[tuple[str, str
     for track in page.tracks:
         for section in track.scenes:
             islands = list(scene_islands(render, track.name, section))
-            elsewhere[section.anchor] = name = f"{folder}/{section.anchor}.html"
+            name = f"{folder}/{section.anchor}.html"
+            elsewhere[section.anchor] = quote(name)
             yield (
                 name,
                 render.page(
-                    "one_scene.html.j2", islands, page=page, track=track, section=section, index=index
+                    "one_scene.html.j2", islands, page=page, track=track, section=section, index=quote(index)
                 ),
             )
     yield index, shell(render, page, list(run_islands(render, page)), elsewhere, SPLIT)
@@ -108,7 +110,7 @@ def shell(
         render: Templates.
         page: The content.
         islands: Parts as data.
-        elsewhere: Files of scenes that are not in this one, by anchor.
+        elsewhere: Links to files of scenes that are not in this one, by anchor.
         closing: Last sentence.
     """
     return render.page("report.html.j2", islands, page=page, elsewhere=elsewhere, closing=closing)
@@ -118,7 +120,7 @@ def run_islands(render: Renderer, page: Page) -> Iterator[Island]:
     """Yield the parts of a run that belong to no scene."""
     papers = page.claims.papers if page.claims else ()
     for row in (row for paper in papers for group in paper.groups for row in group.claims):
-        yield _island(f"claim-{row.claim.id}", render.part("claim.html.j2", "claim_of", row))
+        yield _island(row.anchor, render.part("claim.html.j2", "claim_of", row))
     for track in page.tracks:
         for macro, name in (
             ("board", "board"),

@@ -53,6 +53,14 @@ async function dress(root, id) {
   for (const place of root.querySelectorAll(".viewer")) if (place instanceof HTMLElement) await buildViewer(place);
 }
 
+/** Say in its place that something cannot be drawn. @param {Element} place @param {unknown} cause */
+function tellFault(place, cause) {
+  const told = document.createElement("p");
+  told.className = "trouble failure";
+  told.textContent = `This cannot be drawn: ${cause instanceof Error ? cause.message : cause}. Try a newer browser, or another copy of the file.`;
+  place.append(told);
+}
+
 /** @param {string} id @returns {Promise<HTMLElement>} */
 async function drawn(id) {
   const content = document.createElement("div");
@@ -71,19 +79,25 @@ function fill(part) {
     done = drawn(part.id).then(async (content) => {
       part.append(content);
       await dress(content, part.id);
-    });
+    }).catch((cause) => tellFault(part, cause));
     filled.set(part, done);
   }
   return done;
 }
 
+/** Number of times that claims were asked for: a late answer does not replace a newer one. */
+let asked = 0;
+
 /** @param {string} anchor */
 async function showClaims(anchor) {
   const marks = [...document.querySelectorAll("a.mark")].map((mark) => mark.getAttribute("href")?.slice(1) ?? "");
-  const wanted = anchor === "claims-all" ? marks : marks.filter((mark) => anchor === mark || anchor.startsWith(`${mark}-`));
+  const wanted = anchor === "claims-all" ? marks : marks.includes(anchor) ? [anchor] : marks.filter((mark) => anchor.startsWith(`${mark}-`));
   if (!wanted.length) return;
-  const contents = await Promise.all(wanted.map(drawn));
   const panel = need(document, "#claim-panel", HTMLElement);
+  asked += 1;
+  const own = asked;
+  const contents = await Promise.all(wanted.map(drawn)).catch((cause) => tellFault(panel, cause));
+  if (!contents || own !== asked) return;
   panel.replaceChildren(...contents);
   for (const [index, content] of contents.entries()) await dress(content, wanted[index]);
   for (const mark of document.querySelectorAll("a.mark")) {
@@ -104,7 +118,8 @@ async function openTo(anchor) {
     }
   }
   const elsewhere = [...document.querySelectorAll("p.part[id] > a")].find((link) => link.parentElement && (anchor === link.parentElement.id || anchor.startsWith(`${link.parentElement.id}-`)));
-  if (elsewhere instanceof HTMLAnchorElement) location.href = `${elsewhere.getAttribute("href")?.split("#")[0]}${location.hash}`;
+  // In the place of this address: to go back must not lead here again.
+  if (elsewhere instanceof HTMLAnchorElement) location.replace(`${elsewhere.getAttribute("href")?.split("#")[0]}${location.hash}`);
 }
 
 /** Text of an address; as it is where that is no code. @param {string} coded */
@@ -125,7 +140,10 @@ async function follow() {
   for (let held = target?.closest("details"); held; held = held.parentElement?.closest("details")) held.open = true;
   target?.scrollIntoView();
   const viewer = target?.querySelector(".viewer");
-  if (query && viewer) viewer.dispatchEvent(new CustomEvent("recall", { detail: query }));
+  if (query && viewer instanceof HTMLElement) {
+    await buildViewer(viewer);
+    viewer.dispatchEvent(new CustomEvent("recall", { detail: query }));
+  }
   document.body.dataset.opened = anchor;
 }
 
@@ -207,7 +225,7 @@ function start() {
   window.addEventListener("hashchange", follow);
   measure();
   for (const table of document.querySelectorAll("table.dots")) if (table instanceof HTMLTableElement) makeSortable(table);
-  for (const place of document.querySelectorAll(".viewer")) if (place instanceof HTMLElement) buildViewer(place);
+  for (const place of document.querySelectorAll(".viewer")) if (place instanceof HTMLElement) buildViewer(place).catch((cause) => tellFault(place, cause));
   document.body.dataset.ready = "true";
   for (const part of document.querySelectorAll("details.part[open][data-part]")) if (part instanceof HTMLDetailsElement) fill(part);
   follow();

@@ -1,16 +1,20 @@
 // Tables: sort by any column, find rows, copy for a paper, link.
 
-/** The number that a cell shows; NaN for a dash or a word. @param {Element | undefined} cell */
+/** The number that a cell shows; NaN for a dash, a word or a hash. @param {Element | undefined} cell */
 function numberOf(cell) {
-  const shown = cell?.querySelector(".value") ?? cell?.querySelector("a") ?? cell;
-  const text = [...(shown?.childNodes ?? [])].filter((node) => node.nodeType === Node.TEXT_NODE).map((node) => node.textContent).join("") || shown?.textContent || "";
+  const told = cell?.getAttribute("data-value");
+  if (told) return Number(told);
+  if (!cell || cell.tagName === "TH" || cell.querySelector("code")) return Number.NaN;
+  const shown = cell.querySelector(".value") ?? cell.querySelector("a") ?? cell;
+  const text = [...shown.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE).map((node) => node.textContent).join("") || shown.textContent || "";
   const plain = text.trim().replace("\u2212", "-").replace("\u221e", "Infinity");
   return /^-?(Infinity|[\d.])/.test(plain) ? Number.parseFloat(plain) : Number.NaN;
 }
 
-/** Text of a cell without what only explains it. @param {Element} cell */
+/** Text of a cell without what only explains it; what a mean lacks stays. @param {Element} cell */
 function textOf(cell) {
   const copy = /** @type {Element} */ (cell.cloneNode(true));
+  for (const note of copy.querySelectorAll(".lacks")) note.replaceWith(` (${note.textContent})`);
   for (const more of copy.querySelectorAll(".tip, .note, svg, .aside, .badge, .arrow, .breakdown, .sort")) more.remove();
   return (copy.textContent ?? "").replace(/\s+/g, " ").trim();
 }
@@ -41,7 +45,10 @@ function makeSortable(table) {
     button.setAttribute("aria-label", `Sort by ${textOf(head) || "row"}`);
     button.addEventListener("click", () => {
       const up = head.getAttribute("aria-sort") === "descending";
-      for (const other of table.tHead?.rows[0]?.cells ?? []) other.removeAttribute("aria-sort");
+      for (const other of table.tHead?.rows[0]?.cells ?? []) {
+        other.removeAttribute("aria-sort");
+        need(other, ".sort", HTMLElement).textContent = "↕";
+      }
       head.setAttribute("aria-sort", up ? "ascending" : "descending");
       button.textContent = up ? "↑" : "↓";
       sortRows(table, column, up);
@@ -56,21 +63,24 @@ function seenCells(table) {
   return rows.map((row) => [...row.cells].filter((cell) => cell.offsetParent !== null).map(textOf));
 }
 
+/** Text that no spreadsheet takes for a formula, as names may begin like one; numbers stay. @param {string} text */
+const inert = (text) => (/^[=+@]|^-(?![\d.\u221e][^=+@!|*/^&"'<>:]*$)/.test(text) ? `'${text}` : text);
+
 /** @type {Record<string, (rows: string[][], caption: string) => string>} */
 const WRITERS = {
   markdown(rows) {
-    const line = (/** @type {string[]} */ cells) => `| ${cells.map((cell) => cell.replace(/\|/g, "\\|")).join(" | ")} |`;
+    const line = (/** @type {string[]} */ cells) => `| ${cells.map((cell) => cell.replace(/[\\|<>*`[\]]/g, "\\$&")).join(" | ")} |`;
     const [head, ...body] = rows;
     return [line(head), line(head.map(() => "---")), ...body.map(line)].join("\n");
   },
   csv(rows) {
     const quoted = (/** @type {string} */ cell) => (/[",\n]/.test(cell) ? `"${cell.replace(/"/g, '""')}"` : cell);
-    return rows.map((cells) => cells.map((cell) => quoted(cell.replace("\u2212", "-"))).join(",")).join("\n");
+    return rows.map((cells) => cells.map((cell) => quoted(inert(cell.replaceAll("\u2212", "-")))).join(",")).join("\n");
   },
   latex(rows, caption) {
     /** @type {Record<string, string>} */
-    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$" };
-    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
+    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "→": "$\\to$", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
+    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
     const [head, ...body] = rows.map((cells) => `${cells.map(safe).join(" & ")} \\\\`);
     return [`\\begin{tabular}{l${"r".repeat(rows[0].length - 1)}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
   },
@@ -114,6 +124,8 @@ function dressTable(table, part) {
     await copyText(WRITERS[button.dataset.copy ?? "csv"](rows, caption));
     need(tools, ".copied", HTMLElement).textContent = `${rows.length} lines copied`;
   });
-  need(tools, ".permalink", HTMLAnchorElement).href = `#${table.id}`;
+  const link = need(tools, ".permalink", HTMLAnchorElement);
+  link.href = `#${table.id}`;
+  link.setAttribute("aria-label", `Link to ${caption}`);
   place.before(tools);
 }

@@ -129,12 +129,13 @@ function shortNumber(value) {
   return (Math.abs(value) < 0.00005 ? "0" : text).replace("-", "\u2212");
 }
 
-/** @param {Drawn | undefined} drawn @param {Picture | null} picture @param {number[] | null} at */
-function valueText(drawn, picture, at) {
+/** @param {Drawn | undefined} drawn @param {Picture | null} picture @param {number[] | null} at
+ * @param {boolean} [cut] True where values beyond the scale are shown as its ends. */
+function valueText(drawn, picture, at, cut = false) {
   if (!drawn || !picture || !at) return "";
   const values = drawn.read(at[0], at[1]);
   if (picture.code === "map" && values[0] >= picture.high) return `\u2265 ${shortNumber(picture.high)}`;
-  const ends = picture.code === "number" && (values[0] >= picture.high ? "\u2265 " : values[0] <= picture.low ? "\u2264 " : "");
+  const ends = cut && picture.code === "number" && (values[0] >= picture.high ? "\u2265 " : values[0] <= picture.low ? "\u2264 " : "");
   return `${ends || ""}${values.map(shortNumber).join(", ")}`;
 }
 
@@ -523,7 +524,8 @@ class Viewer {
     for (const line of box.querySelectorAll("tr[data-index]")) {
       const row = Number(/** @type {HTMLElement} */ (line).dataset.index);
       const [value, error] = [this.tileOf(row)?.picture ?? null, this.errorOf(row)?.picture ?? null];
-      line.children[1].textContent = valueText(this.drawnOf(value), value, at);
+      // The scale of distances is that of the truth alone; all others hold every value.
+      line.children[1].textContent = valueText(this.drawnOf(value), value, at, row !== TRUTH && shown?.layer === "depth");
       line.children[2].textContent = row === TRUTH ? "" : valueText(this.drawnOf(error), error, at);
       line.classList.toggle("chosen", row === this.right);
     }

@@ -58,6 +58,10 @@ def test_a_capture_begins_with_light_and_shows_layers_beside_it(
     left, right = page.evaluate(HALVES)
     assert left == photograph
     assert right[:3] != [0, 0, 0]
+    again = browser.new_page()
+    again.goto(path.as_uri() + (page.locator(".viewer a.permalink").get_attribute("href") or ""))
+    again.locator("[role=tab][aria-selected=true]", has_text="Base color").wait_for()
+    again.close()
     page.set_viewport_size({"width": 1400, "height": 900})
     found = [v for v in Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
     assert [(rule["id"], rule["nodes"][0]["html"]) for rule in found] == []

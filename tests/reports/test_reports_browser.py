@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report in a browser, opened as a file: what its script does, and that it asks nobody for anything."""
 
+import csv
+import re
 from collections.abc import Iterator
 from dataclasses import replace
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,10 @@ from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
 from graycard import open_truth, srgb_encode
 from graycard.io import write_json
+from graycard.records import Cost
 from graycard.reports import write_report
 from report_pages import CHROMIUM, open_all, open_report
+from runs_of_size import write_made_up
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
 
@@ -371,6 +375,7 @@ def test_without_script_the_strips_are_there(browser: Browser, path: Path) -> No
     page.goto(path.as_uri())
     assert page.locator(".strip-of-pictures img").count() >= 3
     assert page.locator(".strip-of-pictures img").first.evaluate("(image) => image.naturalWidth") > 0
+    assert page.locator("noscript p", has_text="scripts are off").is_visible()
     page.close()
 
 
@@ -386,5 +391,67 @@ def test_bar_wraps_and_what_sticks_stands_below_it(browser: Browser, make_run: A
     assert (
         page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--bar')") == f"{height}px"
     )
+    page.close()
+    assert heard == []
+
+
+def test_times_are_sorted_as_times_and_one_head_is_marked(
+    browser: Browser, tmp_path: Path, heard: list[str]
+) -> None:
+    record = write_made_up(tmp_path, 2, 1, metrics=2)
+    costs = zip(record.results, (Cost(4.2, 10.0), Cost(75.0, 9.0)), strict=True)
+    write_json(tmp_path / "run.json", replace(record, results=tuple(replace(r, cost=c) for r, c in costs)))
+    page = open_report(browser, write_report(tmp_path), heard, "facts-jobs")
+    heads = page.locator("#facts-jobs thead th")
+    heads.nth(4).locator(".sort").click()
+    times = page.locator("#facts-jobs tbody td:nth-child(5)").all_text_contents()
+    assert times == ["1 min 15 s", "4.2 s"]
+    heads.nth(5).locator(".sort").click()
+    assert "".join(heads.locator(".sort").all_text_contents()) == "↕↕↕↕↕↓↕↕"
+    page.close()
+    assert heard == []
+
+
+def test_copies_are_safe_for_what_reads_them(browser: Browser, path: Path, heard: list[str]) -> None:
+    page = open_report(browser, path, heard)
+    rows = [["=1+2", "−0.5, −3"], ["@a", "-1+cmd|' /C calc'!A0"], ["a|b<i>`", "≥ 2 ± 1"]]
+    written = {
+        kind: page.evaluate(f"(rows) => WRITERS.{kind}(rows, 'x')", rows)
+        for kind in ("csv", "markdown", "latex")
+    }
+    assert [*csv.reader(StringIO(written["csv"]))] == [
+        ["'=1+2", "-0.5, -3"], ["'@a", "'-1+cmd|' /C calc'!A0"], ["a|b<i>`", "≥ 2 ± 1"],
+    ]  # fmt: skip
+    assert written["markdown"].splitlines()[-1] == "| a\\|b\\<i\\>\\` | ≥ 2 ± 1 |"
+    assert "a\\textbar{}b\\textless{}i\\textgreater{}` & $\\geq$ 2 $\\pm$ 1 \\\\" in written["latex"]
+    page.close()
+    assert heard == []
+
+
+def test_a_part_that_is_damaged_says_so(
+    browser: Browser, path: Path, tmp_path: Path, heard: list[str]
+) -> None:
+    damaged = re.sub(r'(?<=data-part="facts-machine">)[^<]*', "AAAA", path.read_text(encoding="utf-8"))
+    (tmp_path / "damaged.html").write_text(damaged, encoding="utf-8")
+    page = open_report(browser, tmp_path / "damaged.html", heard, "facts-machine")
+    assert "This cannot be drawn" in (page.locator("#facts-machine .trouble").text_content() or "")
+    page.close()
+    assert heard == []
+
+
+def test_the_farthest_true_distance_is_read_as_it_is(
+    browser: Browser, path: Path, tiny_run: Path, heard: list[str]
+) -> None:
+    """The scale ends there, and what is predicted beyond it reads as at least that."""
+    truth = open_truth(tiny_run / "dataset/dark/tiny-0000/truth")
+    depths = {v.name: truth.layers(v)["depth"] for v in truth.views if v.split == "test"}
+    depths = {name: np.where(np.isfinite(depth), depth, 0) for name, depth in depths.items()}
+    name = max(depths, key=lambda view: depths[view].max())
+    row, column = np.unravel_index(depths[name].argmax(), depths[name].shape)
+    query = f"view={name}&layer=depth&right=gray&mode=flip&at={column}-{row}"
+    page = open_report(browser, path, heard, f"{SCENE}?{query}")
+    value = page.locator(f"#{SCENE} .readout tr[data-index='-1'] td").first.filter(has_text=".")
+    value.wait_for()
+    assert float(value.text_content() or "") == pytest.approx(depths[name].max(), abs=0.001)
     page.close()
     assert heard == []

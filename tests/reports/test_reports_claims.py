@@ -21,7 +21,7 @@ from graycard.records import (
 from graycard.reports import write_report
 from graycard.reports._claims import LEGEND, claims_section
 from graycard.reports._effects import effect_plot
-from opened import opened
+from opened import opened, parts_of
 from runs_by_hand import run_of
 
 CHECK = CheckResult(
@@ -232,3 +232,13 @@ def test_a_ledger_of_the_first_rules_is_told_to_be_one(run: Path) -> None:
     text = text_of(run)
     assert "The verdicts cannot be read: expected claims of format version 2" in text
     assert "Judge the run again" in text
+
+
+def test_claims_of_two_files_with_one_id_are_both_reached(run: Path) -> None:
+    ledger = ledger_of(CLAIM, digest=sha256(run / "run.json"))
+    other = replace(ledger.papers[0], name="q", claims=(replace(CLAIM, sentence="It is worse."),))
+    write_json(run / CLAIMS, replace(ledger, papers=(*ledger.papers, other)))
+    page = write_report(run).read_text(encoding="utf-8")
+    parts = parts_of(page)
+    assert ["It is worse." in parts[name] for name in ("claim-S1", "claim-S1-2")] == [False, True]
+    assert page.count('href="#claim-S1"') == page.count('href="#claim-S1-2"') == 1

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A large report as an index with its scenes beside it, and one file where that is asked for."""
 
+import re
+from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -48,6 +51,9 @@ def test_links_lead_from_the_index_into_its_scenes_and_back(tiny_run: Path, tmp_
         page.evaluate("location.hash = '#track-3-scene-1-lights'")
         page.wait_for_url("**/r-scenes/track-3-scene-1.html#track-3-scene-1-lights")
         page.locator("svg.plan").wait_for()
+        page.go_back()
+        page.locator("#track-3-scene-1 a").wait_for()
+        assert page.url.endswith("/r.html"), "to go back does not lead here again"
         browser.close()
     assert heard == []
 
@@ -62,3 +68,14 @@ def test_the_verb_writes_one_file_where_it_is_asked_to(
     assert main(["report", str(tmp_path)]) == 0
     assert sorted(path.name for path in (tmp_path / "report").iterdir()) == ["index-scenes", "index.html"]
     assert "report: " in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_links_lead_to_files_of_any_name(tmp_path: Path) -> None:
+    write_made_up(tmp_path, 2, 1, metrics=2)
+    index = write_report(tmp_path, out=tmp_path / "50%20 #1?&.html")
+    scene = tmp_path / "50%20 #1?&-scenes" / "track-1-scene-1.html"
+    for page, wanted in ((index, scene), (scene, index)):
+        links = (unescape(link) for link in re.findall(r'href="([^"]*)"', page.read_text(encoding="utf-8")))
+        paths = [unquote(re.split("[?#]", link)[0]) for link in links]
+        assert wanted in [(page.parent / path).resolve() for path in paths if path]
