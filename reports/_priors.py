@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Badges of priors that a row was told its photographs, as a badge beside its name."""
+"""Badges beside the names of rows that priors told more than the photographs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -94,5 +94,5 @@ def _details(spec: Mapping[str, Any]) -> list[str]:
 
 
 def _name(spec: Mapping[str, Any]) -> str:
-    """Names of the weights, without the folders of somebody's machine."""
+    """Return the name of the weights, without the folders of somebody's machine."""
     return PurePath(spec["path"]).name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard import Truth, View
+from graycard import Truth, View, find_layer
 from graycard.dataset import HeldOut, open_held_out
 from graycard.records import PhotographSheet
 from graycard.reports._comparison import THUMBNAIL_SIDE, Gallery, ViewPictures
@@ -121,11 +121,13 @@ def _evidence(held: HeldOut, shown: Sequence[View]) -> SceneEvidence:
 
 
 def _exposed(method: MethodEvidence, held: HeldOut, shown: Sequence[View]) -> MethodEvidence:
-    """Return a method whose light is brought to the exposure of each photograph, as it is scored."""
+    """Return a method whose light, its parts too, is brought to the exposure of each photograph."""
     layers = {name: dict(found) for name, found in method.layers.items()}
     for view in shown:
-        if "radiance" in layers.get(view.name, {}):
-            layers[view.name]["radiance"] = layers[view.name]["radiance"] * np.float32(held.exposure(view))
+        own, exposure = layers.get(view.name, {}), np.float32(held.exposure(view))
+        for name in ("radiance", *_LAYERS):
+            if name in own and "sr" in find_layer(name).unit:
+                own[name] = own[name] * exposure
     return replace(method, layers=layers)
 
 

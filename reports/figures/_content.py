@@ -12,9 +12,9 @@ from graycard.records import JobResult, RunRecord, SceneRecord, is_published, re
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, open_method, open_scene, usable_layer
 from graycard.reports._format import format_number, format_with_unit
 from graycard.reports._scores import find_score
-from graycard.reports.pictures._colour_maps import STEPS, ColourMap, colour_map, to_index
+from graycard.reports.pictures._colour_maps import ColourMap
 from graycard.reports.pictures._error_images import error_unit
-from graycard.reports.pictures._layer_pictures import NOTHING, layer_picture, photograph_picture
+from graycard.reports.pictures._layer_pictures import layer_picture, mapped, photograph_picture
 from graycard.reports.pictures._layer_rows import JudgedLayer, judged_layer, title_of
 
 _SCORES = {
@@ -216,12 +216,6 @@ def _pixels(layer: JudgedLayer, values: np.ndarray) -> np.ndarray:
     if len(find_layer(layer.name).channels) == 1:
         return mapped(np.where(np.isfinite(values), values, np.nan), layer.low, layer.high, "depth")
     return layer_picture(layer.name, values, layer.exposure)[0]
-
-
-def mapped(values: np.ndarray, low: float, high: float, colours: ColourMap) -> np.ndarray:
-    """Return numbers, shape ``(H, W)``, as colours, ``(H, W, 3)``, uint8; dark gray where there is none."""
-    palette = np.append(colour_map(colours), [NOTHING], axis=0).astype(np.uint8)
-    return palette[np.minimum(to_index(values, low, high), STEPS)]
 
 
 def _value_bar(layer: JudgedLayer) -> Bar | None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from graycard.plotting import new_figure
-from graycard.reports.figures._content import Bar, Cell, FigureContent, Strip, mapped
+from graycard.reports.figures._content import Bar, Cell, FigureContent, Strip
 from graycard.reports.pictures._colour_maps import STEPS
+from graycard.reports.pictures._layer_pictures import mapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -96,7 +96,7 @@ def _numbers(values: np.ndarray, exposure: float) -> _Drawn:
     seen = np.isfinite(values)
     low, high = _ends(values)
     note = f"  {format_number(low)} to {format_number(high)}"
-    return _mapped(np.where(seen, values, np.nan), low, high, "depth"), note
+    return mapped(np.where(seen, values, np.nan), low, high, "depth"), note
 
 
 def _noise(values: np.ndarray, exposure: float) -> _Drawn:
@@ -114,7 +114,7 @@ def _deviation(values: np.ndarray, factor: float) -> tuple[np.ndarray, float]:
     variance = values if values.ndim == 2 else values.mean(axis=-1)
     deviation = np.sqrt(np.maximum(np.nan_to_num(variance), 0)) * factor
     high = float(np.percentile(deviation, 99))
-    return _mapped(deviation, 0, high, "error"), high
+    return mapped(deviation, 0, high, "error"), high
 
 
 def _ids(values: np.ndarray, exposure: float) -> _Drawn:
@@ -130,7 +130,8 @@ def _id_colour(number: int) -> tuple[float, ...]:
     return tuple(255 * c for c in colorsys.hsv_to_rgb(number * GOLDEN % 1, 0.35 + 0.3 * (number % 3), 0.95))
 
 
-def _mapped(values: np.ndarray, low: float, high: float, name: ColourMap) -> np.ndarray:
+def mapped(values: np.ndarray, low: float, high: float, name: ColourMap) -> np.ndarray:
+    """Return numbers, shape ``(H, W)``, as colours, ``(H, W, 3)``, uint8; dark gray where there is none."""
     palette = np.append(colour_map(name), [NOTHING], axis=0).astype(np.uint8)
     return palette[np.minimum(to_index(values, low, high), STEPS)]
 

@@ -36,7 +36,7 @@ class Tile:
     side: int
     """Pixels."""
     mean: float
-    """Share of the error, over its pixels inside the mask."""
+    """Mean of the error over its pixels inside the mask, in the unit of the error."""
 
     def region(self, shape: tuple[int, ...]) -> tuple[slice, slice]:
         """Rows and columns of the tile and of one more side all around, as far as the picture goes."""

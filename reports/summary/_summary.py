@@ -7,6 +7,7 @@ from pathlib import Path
 
 from graycard import GraycardError
 from graycard.records import Comparison, JobResult, Ledger, MethodStanding, MetricRecord, RunRecord
+from graycard.reports._format import format_with_unit
 from graycard.reports._publish import ledger_of_run
 from graycard.reports._tracks import headline_of, words_of
 from graycard.reports.summary._gate import GateSummary
@@ -243,7 +244,8 @@ def _claims(ledger: Ledger | None) -> tuple[ClaimSummary, ...]:
 def _leaks(comparison: Comparison | None) -> tuple[str, ...]:
     return tuple(
         f"{above.method} on {above.track}/{above.scene}, seed {above.seed}: {above.metric} of "
-        f"{above.value:.2f} {above.unit} with a ceiling of {above.ceiling:.2f}"
+        f"{format_with_unit(above.value, above.unit)} with a ceiling of "
+        f"{format_with_unit(above.ceiling, above.unit)}"
         for above in (comparison.above_ceiling if comparison else ())
         if not above.handed
     )

@@ -14,7 +14,7 @@ from graycard.cli import main
 from graycard.dataset import open_held_out
 from graycard.eval import score_photographs
 from graycard.io import write_rgb
-from graycard.predictions import finish_predictions
+from graycard.predictions import finish_predictions, write_view
 from graycard.reports import CaptureRow, write_capture_report
 from graycard.reports._evidence import MethodEvidence, handed_in
 from graycard.reports.captures._lights import MOST_LIGHTS, found_lights
@@ -99,6 +99,25 @@ def test_pictures_are_shown_at_the_exposure_of_each_photograph(
         assert error.webp == next(e for _, _, e in pictures if e is not None).webp
     assert len({true.webp for true, _, _ in pictures if true is not None}) == 3
     assert (held.photograph(held.views[2]).max() * held.capture.exposure) < 0.5, "full far below white"
+
+
+def test_parts_of_light_are_shown_at_the_exposure_of_the_photograph_beside_them(
+    tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    scene = import_bracketed(tmp_path, write_tiny, (0.5, 2.0, 4.0))
+    held = open_held_out(scene)
+    mine = predict_photographs(tmp_path / "mine", scene)
+    for view in held.views:
+        light = held.photograph(view)
+        write_view(mine, view.name, {"radiance": light, "diffuse": light, "base_color": light})
+    finish_predictions(mine, Predictions("mine", held.capture.track, held.capture.scene))
+    page = capture_page(scene, [CaptureRow("mine", mine, score_photographs(mine, scene))])
+    for view in page.views:
+        diffuse = next(row for row in view.layers if row.layer == "diffuse")
+        beside, shown = view.picture.predictions[0].picture, diffuse.predictions[0].picture
+        assert beside is not None
+        assert shown is not None
+        assert shown.webp == beside.webp
 
 
 def test_the_same_predictions_give_the_same_bytes(rows: list[CaptureRow], tmp_path: Path) -> None:

@@ -35,23 +35,27 @@ def scenes_of(record: RunRecord) -> Iterator[tuple[str, str]]:
             yield f"track-{number}-scene-{place}", scene.scene
 
 
+def check_scene(record: RunRecord, parts: dict[str, str], anchor: str, scene: str) -> None:
+    """Hold the parts of a scene against its scores, warnings and failures."""
+    handed = {method.name for method in record.methods if method.sees}
+    units = {metric.id: metric.unit for metric in record.metrics}
+    scores, warnings = words(parts[f"{anchor}-scores"]), words(parts.get(f"{anchor}-warnings", ""))
+    for result in (r for r in record.results if r.job.scene == scene):
+        assert result.sheet is not None
+        for score in result.sheet.scores:
+            if score.value is not None:
+                assert format_value(score.value, units[score.metric]) in scores
+            for warning in score.warnings if result.job.method not in handed else ():
+                assert " ".join(warning.split()) in warnings
+            if score.status == "failed":
+                assert " ".join(score.reason.split()) in words(parts["facts-failures"])
+
+
 @pytest.mark.parametrize("name", ["tabletop", "dark"])
 def test_every_score_and_warning_of_a_scene_is_in_its_parts(name: str) -> None:
     record, parts = read_run(OWN / name), parts_of(page_of(name))
-    handed = {method.name for method in record.methods if method.sees}
-    units = {metric.id: metric.unit for metric in record.metrics}
     for anchor, scene in scenes_of(record):
-        scores, own = words(parts[f"{anchor}-scores"]), [r for r in record.results if r.job.scene == scene]
-        warnings = words(parts.get(f"{anchor}-warnings", ""))
-        for result in own:
-            assert result.sheet is not None
-            for score in result.sheet.scores:
-                if score.value is not None:
-                    assert format_value(score.value, units[score.metric]) in scores
-                for warning in score.warnings if result.job.method not in handed else ():
-                    assert " ".join(warning.split()) in warnings
-                if score.status == "failed":
-                    assert " ".join(score.reason.split()) in words(parts["facts-failures"])
+        check_scene(record, parts, anchor, scene)
 
 
 @pytest.mark.parametrize("name", ["tabletop", "multilight"])
@@ -82,11 +86,16 @@ def test_every_method_metric_job_and_hash_is_told() -> None:
 
 
 def test_a_score_that_is_missing_is_found() -> None:
-    """Planted: another value."""
+    """Planted: a score of the first scene is taken out."""
     record, parts = read_run(OWN / "tabletop"), parts_of(page_of("tabletop"))
-    scores = words(parts["track-1-scene-1-scores"])
-    assert "123.456789" not in scores
-    assert record.scenes[0].scene in scores
+    anchor, scene = next(scenes_of(record))
+    check_scene(record, parts, anchor, scene)
+    sheet = next(r.sheet for r in record.results if r.job.scene == scene)
+    assert sheet is not None
+    score = next(score for score in sheet.scores if score.value is not None)
+    name, text = f"{anchor}-scores", format_value(score.value or 0.0, score.unit)
+    with pytest.raises(AssertionError):
+        check_scene(record, parts | {name: parts[name].replace(text, "–")}, anchor, scene)
 
 
 @pytest.mark.parametrize("name", ["dark", "tabletop", "multilight", "matte", "robust"])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run in brief as Markdown, JUnit XML and JSON: one with failures, one with nothing, one with bad names."""
 
+import io
 import json
 import re
 import xml.etree.ElementTree as Xml
@@ -17,7 +18,16 @@ from graycard.benchmarks import make_baseline, write_baseline
 from graycard.cli import main
 from graycard.eval.statistics import Question, compare_run
 from graycard.io import sha256, write_json
-from graycard.records import CLAIMS, ClaimResult, Ledger, MethodRecord, PaperResult, RunRecord, read_run
+from graycard.records import (
+    CLAIMS,
+    AboveCeiling,
+    ClaimResult,
+    Ledger,
+    MethodRecord,
+    PaperResult,
+    RunRecord,
+    read_run,
+)
 from graycard.reports import GateCheck, GateSummary, RunSummary, headline_ids, summarise, summary_text
 from graycard.reports.history._keep import OWN
 from graycard.reports.summary._escape import LONGEST, code, prose
@@ -362,3 +372,28 @@ def test_methods_are_told_that_nobody_watched(tmp_path: Path):
     rows: Any = (MethodRecord("mine", "", (), predictions="/somewhere"), *record.methods[1:])
     text = summary_text(summary_of(written(tmp_path / "run", replace(record, methods=rows))), "md")
     assert "Made by other code, which nobody watched: `mine`." in text
+
+
+def test_a_summary_is_utf_8_whatever_the_terminal_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    record = run_of(ROWS)
+    failed = replace(record.results[0], status="failed", reason="−1 → 2", sheet=None)
+    run, raw = written(tmp_path / "run", replace(record, results=(failed,))), io.BytesIO()
+    stream = io.TextIOWrapper(raw, encoding="cp1252")
+    monkeypatch.setattr("sys.stdout", stream)
+    assert main(["report", str(run), "--summary", "junit"]) == 0
+    stream.flush()
+    root = check_schema(raw.getvalue().decode())
+    assert case_of(root, "hand.dark.s0", "mine, seed 0")[0].text == "−1 → 2"
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"),
+    [("dB", "52.00 dB with a ceiling of 48.50 dB"), ("1", "52.000 with a ceiling of 48.500")],
+)
+def test_a_leak_is_told_with_its_unit(tmp_path: Path, unit: str, told: str):
+    record = run_of(ROWS)
+    above = AboveCeiling("dark", "s0", "mine", 0, "psnr", 52.0, 48.5, 3.5, unit, ())
+    comparison = replace(compare_run(record, Question(headline_ids(record))), above_ceiling=(above,))
+    summary = summarise(written(tmp_path / "run", record), record, comparison)
+    assert summary.leaks == (f"mine on dark/s0, seed 0: psnr of {told}",)
+    check_markdown(summary_text(summary, "md"))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,6 +109,10 @@ class ReportCommand:
             terminal.err.print(warning)
         text = summary_text(summary, form)
         if self.out is None:
+            if isinstance(sys.stdout, io.TextIOWrapper):
+                sys.stdout.reconfigure(
+                    encoding="utf-8", errors="replace"
+                )  # the XML says so, and numbers have a minus
             sys.stdout.write(text)  # as it is: a console would wrap and escape it
         else:
             write_bytes(self.out, text.encode())
