@@ -63,6 +63,16 @@ bench() {
   echo "$code" >"$run/bench.code" # a fit that failed has no scores: the gate names it
 }
 
+# A whole clone stays whole: `--depth` would cut its history. Without the branch nothing may pass.
+fetch() {
+  local depth=()
+  [ "$(git rev-parse --is-shallow-repository)" = false ] || depth=(--depth=1)
+  git fetch --quiet "${depth[@]}" origin "$1" && return
+  echo "gate: expected a branch $1 on the remote origin that can be fetched, got none." \
+    "Name it by GATE_BRANCH, or add the remote: git remote add origin URL" >&2
+  return 1
+}
+
 # The baseline is that of the branch, not of the change: who makes it worse cannot lower the bar in one go.
 gate() {
   local graycard=$cache/env/bin/graycard baseline=${GATE_BASELINE:-graycard-baseline.json} branch=${GATE_BRANCH:-main}
@@ -70,11 +80,13 @@ gate() {
   [ -z "${GITHUB_OUTPUT:-}" ] || echo "run=$run" >>"$GITHUB_OUTPUT"
   "$graycard" gate "$run" --baseline "$run/baseline.json" --write || true # nothing, where all fits failed
   rm -f "$expected"
-  if git fetch --quiet --depth=1 origin "$branch" && git show "FETCH_HEAD:$baseline" >"$expected.partial" 2>/dev/null; then
+  fetch "$branch" || return 2
+  if git show "FETCH_HEAD:$baseline" >"$expected.partial" 2>/dev/null; then
     mv "$expected.partial" "$expected"
   else
     rm -f "$expected.partial"
-    [ -z "${GITHUB_ACTIONS:-}" ] || echo "::notice title=graycard gate::no $baseline on $branch yet: commit baseline.json of this run as that"
+    local advice="no $baseline on $branch yet: commit $run/baseline.json of this run as that"
+    if [ -n "${GITHUB_ACTIONS:-}" ]; then echo "::notice title=graycard gate::$advice"; else echo "gate: passed: $advice"; fi
     printf '### graycard gate: nothing to compare with\n\nThere is no `%s` on `%s` yet. Commit `baseline.json` of this run under that name.\n' \
       "$baseline" "$branch" >>"$summary"
     return "$(cat "$run/bench.code")"
