@@ -103,3 +103,12 @@ def test_jobs_are_named_as_they_end():
 def test_a_job_without_a_name_is_counted():
     assert words_of_job(object(), Outcome(), 1.0) == ""
     assert words_of_job(object(), Outcome(reason="x"), 1.0) == ", the last one failed"
+
+
+def test_what_is_left_is_counted_from_the_first_share_not_from_imports():
+    err, shown = console()
+    with logged(err, first_s=1e6, each_s=1e6) as report:
+        threading.Event().wait(1.0)
+        report(0.01, "fitting")
+        report(0.1, Ended("a tenth"))
+    assert re.fullmatch(r"\[10%, 0:01, about 0:00 left\] a tenth\n", shown.getvalue())

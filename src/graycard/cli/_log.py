@@ -19,6 +19,8 @@ FIRST_S = 1.0
 """Time after which work is worth a first line: what is quicker says nothing."""
 EACH_S = 30.0
 """Longest time without a line."""
+EARLY = 0.1
+"""A first share up to this begins the count of the pace; a larger one is the end of a whole job."""
 
 
 @dataclass(eq=False)
@@ -30,6 +32,8 @@ class _Log:
     started: float = field(default_factory=time.monotonic)
     due: float = 0.0
     done: float = 0.0
+    base: tuple[float, float] | None = None
+    """When the first share was done, and what share: the pace counts from there, not from compilation."""
     doing: str = "starting"
     ended: threading.Event = field(default_factory=threading.Event)
     lock: threading.Lock = field(default_factory=threading.Lock)
@@ -38,6 +42,8 @@ class _Log:
         """Note how far the work is; say it if something has ended, or if nothing was said for long."""
         with self.lock:
             self.done, self.doing = done, doing
+            if self.base is None and done > 0:
+                self.base = (time.monotonic(), done) if done <= EARLY else (self.started, 0.0)
             if isinstance(doing, Ended) or time.monotonic() >= self.due:
                 self.say()
 
@@ -46,10 +52,11 @@ class _Log:
         now = time.monotonic()
         self.due = now + self.each_s
         times = _clock(now - self.started)
-        if 0.02 <= self.done < 1:
-            times += f", about {_clock((now - self.started) * (1 / self.done - 1))} left"
-        share = f"{min(max(self.done, 0.0), 1.0):.0%}" if math.isfinite(self.done) else "?"
-        self.console.print(f"[{share}, {times}] {printable(self.doing)}")
+        since, share = self.base or (self.started, 0.0)
+        if self.done - share >= 0.02 and self.done < 1:
+            times += f", about {_clock((now - since) * (1 - self.done) / (self.done - share))} left"
+        percent = f"{min(max(self.done, 0.0), 1.0):.0%}" if math.isfinite(self.done) else "?"
+        self.console.print(f"[{percent}, {times}] {printable(self.doing)}")
 
     def watch(self) -> None:
         """Write a line whenever the work has said nothing for long."""
