@@ -351,6 +351,11 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
             ["fit", "small_methods:Plain", "neverwhere", "--out", "{tmp}/x"],
             "got nothing. Run `graycard render`",
         ),
+        (
+            ["score", "nowhere", "data/dark/shelf-room-12"],
+            "(again): graycard render dark --family shelf-room --seed 12 --out data",
+        ),
+        (["score", "nowhere", "data/dark/castle"], "Run `graycard render` (again)\n"),
         (["fit", "gray", "/", "--out", "{tmp}/x"], "got /. Give DATASET/<track>/<scene>"),
         (["fit", "gray", "{scene}/capture", "--out", "{tmp}/x"], "/capture. Give {scene}"),
         (["fit", "gray", "{scene}/..", "--out", "{tmp}/x"], "Give one of its scenes, as "),

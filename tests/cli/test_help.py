@@ -222,3 +222,10 @@ def test_what_a_method_says_of_its_progress_is_no_markup():
     with Terminal(err=Console(file=shown, force_terminal=True, width=80)).progress() as report:
         report(0.5, "[/red] [bold]half[/bold]")
     assert "[/red] [bold]half[/bold]" in shown.getvalue()
+
+
+def test_help_of_settings_leaves_out_what_code_raises(narrow: None, capsys: Capture):
+    assert main(["render", "dark", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "Render settings." in shown
+    assert "Raises" not in shown

@@ -198,8 +198,11 @@ def show_help(kind: type[Any], command: str, terminal: Terminal) -> None:
 
 
 def _wrapped_docstring(kind: type[Any]) -> str:
-    """Return the docstring of a dataclass, wrapped to the terminal; tyro would leave its lines long."""
-    text = inspect.cleandoc(kind.__doc__ or "")
+    """Return the docstring of a dataclass, wrapped to the terminal; tyro would leave its lines long.
+
+    What it raises is for readers of the code, and is left out.
+    """
+    text = inspect.cleandoc(kind.__doc__ or "").partition("\n\nRaises:\n")[0]
     if text.startswith(f"{kind.__name__}("):  # made by dataclass where there is none
         return ""
     width = min(shutil.get_terminal_size().columns, _WIDEST)

@@ -4,6 +4,8 @@
 The manifest is written last, so a folder without one is half-written and is never read as data.
 """
 
+import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -55,7 +57,7 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
         raise DatasetError(
             f"expected a dataset folder with {MANIFEST} at {folder}, got "
             f"{'a folder without one: its rendering was cut off' if Path(folder).is_dir() else 'nothing'}. "
-            "Run `graycard render` (again)"
+            f"Run `graycard render` (again){_command(Path(folder))}"
         )
     data = read_json(path, DatasetError)
     check_version(data, FORMAT_VERSION, path, NewerFormatError)
@@ -63,6 +65,15 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
     if manifest.format != kind:
         raise DatasetError(f"expected a {kind} folder at {folder}, got a {manifest.format} folder")
     return manifest
+
+
+def _command(folder: Path) -> str:
+    """Return the command that makes a scene that is not there, if its path tells family and seed."""
+    if folder.exists() or len(folder.parts) < 4:
+        return ""
+    scene = re.fullmatch(r"([a-z]+(?:-[a-z]+)*)-(\d+)", folder.parent.name)
+    track, dataset = folder.parents[1].name, shlex.quote(str(folder.parents[2]))
+    return f": graycard render {track} --family {scene[1]} --seed {scene[2]} --out {dataset}" if scene else ""
 
 
 def damaged_files(folder: Path, manifest: Manifest) -> dict[str, str]:
