@@ -5,7 +5,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from graycard import RecordError
-from graycard.io import write_bytes
+from graycard.io import remove, write_bytes
 from graycard.records import read_run
 from graycard.reports._page import Page, build_page
 from graycard.reports.parts._render import render_files, render_page
@@ -39,12 +39,16 @@ def write_report(
     path = Path(run) / "report" / "index.html" if out is None else out
     page = _page_of(Path(run), pictures)
     whole = render_page(page).encode()
+    folder, written = f"{path.stem}-scenes", set[Path]()
     if one_file or len(whole) <= MAX_BYTES:
         write_bytes(path, whole)
-        return path
-    folder = f"{path.stem}-scenes"
-    for name, text in render_files(page, path.name, folder):
-        write_bytes(path.parent / name, text.encode())
+    else:
+        for name, text in render_files(page, path.name, folder):
+            write_bytes(path.parent / name, text.encode())
+            written.add(path.parent / name)
+    for old in (path.parent / folder).glob("track-*-scene-*.html"):
+        if old.is_file() and old not in written:
+            remove(old)  # of an earlier report, which had more scenes
     return path
 
 

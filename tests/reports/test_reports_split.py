@@ -79,3 +79,17 @@ def test_links_lead_to_files_of_any_name(tmp_path: Path) -> None:
         links = (unescape(link) for link in re.findall(r'href="([^"]*)"', page.read_text(encoding="utf-8")))
         paths = [unquote(re.split("[?#]", link)[0]) for link in links]
         assert wanted in [(page.parent / path).resolve() for path in paths if path]
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_scenes_of_an_earlier_report_go_and_other_files_stay(tmp_path: Path) -> None:
+    write_made_up(tmp_path, 2, 3, metrics=2)
+    folder = write_report(tmp_path).parent / "index-scenes"
+    (folder / "mine.txt").write_text("mine")
+    names = [f"track-1-scene-{number}.html" for number in (1, 2, 3)]
+    assert sorted(path.name for path in folder.iterdir()) == ["mine.txt", *names]
+    write_made_up(tmp_path, 2, 1, metrics=2)
+    write_report(tmp_path)
+    assert sorted(path.name for path in folder.iterdir()) == ["mine.txt", names[0]]
+    write_report(tmp_path, one_file=True)
+    assert [path.name for path in folder.iterdir()] == ["mine.txt"]
