@@ -114,7 +114,7 @@ def build_page(
     parts = (
         count(len(tracks), "track"),
         count(len(record.scenes), "scene"),
-        count(len(record.methods), "method"),
+        count(len(record.methods), "row"),
         count(len(record.results), "job"),
     )
     return Page(

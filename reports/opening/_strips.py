@@ -88,7 +88,12 @@ def open_track(
     if found is None:
         return Opening(words, metric_head(metric), verdict, "", "", "", "", "", ())
     scene, view, row, (best, second) = found
-    cells = {name: _cell(results, scene.name, name, metric) for name in (best, second) if name}
+    unit = f" {metric.unit}" if metric.unit not in ("", "1") else ""
+    notes = {
+        name: f"{_cell(results, scene.name, name, metric).text}{unit} in this scene"
+        for name in (best, second)
+        if name
+    }
     rule = (
         f"{scene.name}, {view.name}: the first embedded view of the scene where {best} has its median score. "
         "Error colours are from 0 to " + f"{row.error_scale.high.removeprefix('≥ ')} {row.error_scale.unit}."
@@ -102,7 +107,7 @@ def open_track(
         scene.anchor,
         view.name,
         rule,
-        tuple(_pictures(scene, view, row, (best, second), verdict.leader, cells)),
+        tuple(_pictures(scene, view, row, _labels(choice.order, best, second), notes)),
     )
 
 
@@ -171,25 +176,29 @@ def _cell(results: Sequence[JobResult], scene: str, method: str, metric: MetricR
     return pool([read_metric(r, metric.id) for r in own], metric.unit)
 
 
+def _labels(order: Sequence[str], best: str, second: str) -> dict[str, str]:
+    """Return the words above the pictures of the best method and the next one that have pictures."""
+    found = {best: "best" if best == order[0] else "best with pictures"}
+    if second:
+        found[second] = "next" if [best, second] == list(order[:2]) else "next with pictures"
+    return found
+
+
 def _pictures(
     scene: SceneSection,
     view: ViewPictures,
     row: LayerRow,
-    methods: tuple[str, str],
-    leader: str,
-    cells: dict[str, Cell],
+    labels: dict[str, str],
+    notes: dict[str, str],
 ) -> list[StripPicture]:
     assert scene.pictures is not None
     photograph = next((r.truth.picture for r in view.rows if r.layer == "radiance"), None)
     found = [("photograph", "", photograph, ""), ("truth", "", row.truth.picture, row.title)]
-    for name, label in zip(
-        methods, ("best" if methods[0] == leader else "best with pictures", "next"), strict=True
-    ):
-        tile = _tile(scene, row, name) if name else None
+    for name, label in labels.items():
+        tile = _tile(scene, row, name)
         if tile:
-            found.append((label, name, tile.picture, cells[name].text))
-    index = scene.pictures.methods.index(methods[0])
-    found.append(
-        ("error", methods[0], row.errors[index].picture if row.errors else None, row.error_scale.unit)
-    )
+            found.append((label, name, tile.picture, notes[name]))
+    best = next(iter(labels))
+    index = scene.pictures.methods.index(best)
+    found.append(("error", best, row.errors[index].picture if row.errors else None, row.error_scale.unit))
     return [StripPicture(label, name, seen_picture(p), note) for label, name, p, note in found if p]

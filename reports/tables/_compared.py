@@ -19,7 +19,7 @@ class Compared:
     standings: Mapping[tuple[str, str], MethodStanding]
     """By metric and method."""
     axes: Mapping[str, Axis | None]
-    """By metric: of its interval plots."""
+    """By metric: of its interval plots. Variants may lie beyond."""
 
     def dress(self, cell: Cell, metric: str, method: str) -> Cell:
         """Return a cell with its interval plot, and with the verdict in words where it concerns
@@ -51,7 +51,8 @@ def compare_track(
         found = _find(comparison, track, metric.id)
         methods = found.methods if found else _bare_standings(record, track, metric.id)
         standings |= {(metric.id, m.method): m for m in methods}
-        axes[metric.id] = axis_of_standings(methods, metric.unit)
+        own = [m for m in methods if m.method not in variants]
+        axes[metric.id] = axis_of_standings(own, metric.unit) or axis_of_standings(methods, metric.unit)
         verdicts[metric.id] = (
             judge(metric, found, comparison, variants)
             if found and comparison

@@ -26,7 +26,7 @@ class Axis:
         return format_value(self.low, self.unit), format_value(self.high, self.unit)
 
     def place(self, value: float) -> float:
-        """Return where a value stands, in percent of the width; what is infinite at the edge."""
+        """Return where a value stands, in percent of the width; what lies beyond at the edge."""
         share = (
             min(max((value - self.low) / (self.high - self.low), 0.0), 1.0) if self.high > self.low else 0.5
         )
@@ -41,7 +41,7 @@ class IntervalPlot:
     interval: tuple[float, float] | None
     ceiling: float | None
     beyond: str
-    """``low`` or ``high`` for a mean that is infinite, else empty."""
+    """``low`` or ``high`` for a mean that lies beyond the axis, else empty."""
     text: str
     """The same in words."""
 
@@ -66,7 +66,7 @@ def interval_plot(standing: MethodStanding, axis: Axis | None) -> IntervalPlot |
     """Return the plot of a method; None where it has no mean."""
     if standing.mean is None or axis is None:
         return None
-    beyond = "" if math.isfinite(standing.mean) else "high" if standing.mean > 0 else "low"
+    beyond = "high" if standing.mean > axis.high else "" if standing.mean >= axis.low else "low"
     ends = standing.interval
     return IntervalPlot(
         axis.place(standing.mean),

@@ -79,10 +79,10 @@ const WRITERS = {
   },
   latex(rows, caption) {
     /** @type {Record<string, string>} */
-    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "→": "$\\to$", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
-    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
+    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "σ": "$\\sigma$", "Δ": "$\\Delta$", "→": "$\\to$", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
+    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²σΔ→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
     const [head, ...body] = rows.map((cells) => `${cells.map(safe).join(" & ")} \\\\`);
-    return [`\\begin{tabular}{l${"r".repeat(rows[0].length - 1)}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
+    return [`\\begin{tabular}{${rows[0].map((_, column) => (rows.slice(1).some((cells) => /^[A-Za-z]/.test(cells[column] ?? "") && cells[column] !== "failed") ? "l" : "r")).join("")}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
   },
 };
 
@@ -114,10 +114,18 @@ function dressTable(table, part) {
   find.setAttribute("aria-label", `Find in ${caption}`);
   find.addEventListener("input", () => {
     const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const body of table.tBodies) for (const row of body.rows) {
-      const text = (row.textContent ?? "").toLowerCase();
-      row.hidden = row.cells.length > 1 && !words.every((word) => text.includes(word));
+    let found = 0;
+    for (const body of table.tBodies) {
+      const rows = [...body.rows].filter((row) => row.cells.length > 1);
+      for (const row of rows) {
+        const text = (row.textContent ?? "").toLowerCase();
+        row.hidden = !words.every((word) => text.includes(word));
+      }
+      const left = rows.filter((row) => !row.hidden).length;
+      for (const row of body.rows) if (row.cells.length === 1) row.hidden = !left && words.length > 0;
+      found += left;
     }
+    need(tools, ".copied", HTMLElement).textContent = found ? "" : "no row has this";
   });
   for (const button of tools.querySelectorAll("button")) button.addEventListener("click", async () => {
     const rows = seenCells(table).filter((cells) => cells.length > 1);

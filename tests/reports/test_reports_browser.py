@@ -312,11 +312,29 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
     assert copies["markdown"].splitlines()[0].startswith("| # | Method | Novel view PSNR")
     assert copies["csv"].splitlines()[1].split(",")[1] == "retinex"
     assert copies["latex"].count("\\\\") == len(copies["csv"].splitlines())
+    assert copies["latex"].startswith("\\begin{tabular}{rlr")
     link = open_one.locator("a.permalink").get_attribute("href")
     page.close()
     again = open_report(browser, path, heard, (link or "")[1:])
     assert again.locator(link or "").is_visible()
     again.close()
+    assert heard == []
+
+
+def test_what_is_not_found_leaves_no_heading_behind(browser: Browser, path: Path, heard: list[str]) -> None:
+    page = open_report(browser, path, heard, "track-1-all")
+    part = page.locator("#track-1-all")
+    groups, said = part.locator("tr.group"), part.locator(".copied").first
+    seen = len([row for row in groups.all() if row.is_visible()])
+    part.locator(".find").first.fill("normal error")
+    assert 0 < len([row for row in groups.all() if row.is_visible()]) < seen
+    assert said.text_content() == ""
+    part.locator(".find").first.fill("no such metric")
+    assert not any(row.is_visible() for row in part.locator("tbody tr").all())
+    assert said.text_content() == "no row has this"
+    part.locator(".find").first.fill("")
+    assert len([row for row in groups.all() if row.is_visible()]) == seen
+    page.close()
     assert heard == []
 
 

@@ -18,6 +18,7 @@ from graycard.records import (
     ScoreSheet,
 )
 from graycard.reports._tracks import headline_of, words_of
+from graycard.reports.opening._strips import _labels
 from graycard.reports.tables._cells import Reading, pool, read_metric
 from graycard.reports.tables._compared import compare_track
 from graycard.reports.tables._tables import (
@@ -357,3 +358,11 @@ def test_a_mean_of_both_infinities_is_not_the_best() -> None:
     ]
     board = make_board(results)
     assert [(s.method.name, s.cells[0].best) for s in board.competing] == [("tame", True), ("wild", False)]
+
+
+def test_pictures_are_called_best_and_next_only_if_they_are() -> None:
+    order = ("a", "b", "c")
+    assert _labels(order, "a", "b") == {"a": "best", "b": "next"}
+    assert _labels(order, "a", "c") == {"a": "best", "c": "next with pictures"}
+    assert _labels(order, "b", "c") == {"b": "best with pictures", "c": "next with pictures"}
+    assert _labels(order, "c", "") == {"c": "best with pictures"}

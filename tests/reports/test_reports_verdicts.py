@@ -14,6 +14,9 @@ from graycard.records import (
     COMPARISON,
     AboveCeiling,
     Comparison,
+    Job,
+    JobResult,
+    MethodRecord,
     MethodStanding,
     MetricComparison,
     MetricRecord,
@@ -192,6 +195,27 @@ def test_axis_holds_means_intervals_and_ceilings_but_nothing_infinite() -> None:
     assert flat is not None
     assert flat.place(3.0) == pytest.approx(50)
     assert "seeds 0.10" in (interval_plot(stands("e", 20.0, seed_sd=0.1), axis) or first).text
+
+
+def test_variants_do_not_set_the_axis_and_may_lie_beyond() -> None:
+    methods = (stands("own", 5.0), stands("rival", 8.0), stands("own-far", -40.0, interval=(-60.0, 6.0)))
+    heads = (
+        MethodRecord("own", "", (), "own"), MethodRecord("rival", "", (), "rival"),
+        MethodRecord("own-far", "", (), "own"),
+    )  # fmt: skip
+    results = tuple(JobResult(Job("dark", "a", m.method, 0, {}), "h", "f", "failed", "boom") for m in methods)
+    record = RunRecord("s", 1, (), heads, (UP,), results, {}, "", 0)
+    found = MetricComparison("dark", UP.id, methods, (pair("own", "rival", "tie"),))
+    track = compare_track(Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "r", (found,)), record, "dark", [UP])
+    axis = track.axes[UP.id]
+    assert axis is not None
+    assert axis.ends == ("5.00", "8.00")
+    near, far = (interval_plot(methods[i], axis) for i in (0, 2))
+    assert near is not None
+    assert far is not None
+    assert (near.beyond, far.beyond) == ("", "low")
+    assert far.interval == (axis.place(5.0), axis.place(6.0))
+    assert "-40.00" in far.text.replace("\u2212", "-")
 
 
 def test_cells_say_who_is_tied_with_whom() -> None:
