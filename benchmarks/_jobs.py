@@ -200,7 +200,9 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         return None, None
     if job.command is not None:
         settings = {name: value for name, value in made.settings.items() if name != RECORDED}
-        told = CommandSpec(job.command, made.method, settings, made.seed, job.scene, job.allowed)
+        known = made.settings.get(RECORDED, {})
+        code = "" if "." in job.command.code else known.get("code_sha256", "")  # a run there grows
+        told = CommandSpec(job.command, made.method, settings, made.seed, job.scene, job.allowed, code)
         with _threads(job.threads):
             return fit_command(told, predictions, worker_progress(), job.jobs)
     priors = from_builtins(PriorSpec, made.priors)

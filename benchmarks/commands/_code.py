@@ -17,6 +17,8 @@ from graycard.io import dumps, inside, output_error, sha256
 _PYTHON = ("python", "python3")
 _SCRIPTS = (".py", ".sh")
 _SKIPPED = ("__pycache__",)
+_NO_DATA = ("__pycache__", ".git")
+"""Folders in what a command reads that change and decide nothing."""
 MOST = 20_000
 """Files that code may have: more are no code."""
 
@@ -95,7 +97,7 @@ def code_of(command: Command) -> Code:
     files: dict[str, str] = {}
     for name in dict.fromkeys([*named, *command.code]):
         for path in _files_of(folder, name):
-            files[path.relative_to(folder).as_posix()] = sha256(path)
+            files[path.relative_to(folder).as_posix()] = _sha256(path)
             if len(files) > MOST:
                 raise MethodError(f"expected at most {MOST} files of code in {folder}, got more. Mend `code`")
     return Code(folder, files, tuple(dict.fromkeys(named)))
@@ -156,15 +158,46 @@ def _files_of(folder: Path, name: str) -> Iterator[Path]:
 
 def _is_left_out(folder: Path) -> bool:
     """Tell whether a folder holds no code: hidden ones, caches and environments."""
-    return folder.name.startswith(".") or folder.name in _SKIPPED or (folder / "pyvenv.cfg").is_file()
+    return folder.name.startswith(".") or folder.name in _SKIPPED or _is_environment(folder)
+
+
+def _is_environment(folder: Path) -> bool:
+    return (folder / "pyvenv.cfg").is_file()
 
 
 def _hash_of(path: Path) -> str:
     if path.is_file():
-        return sha256(path)
+        return _sha256(path)
     if not path.is_dir():
         raise MethodError(f"expected a file or folder at {path}, got none. Mend `reads`")
-    return digest({p.relative_to(path).as_posix(): sha256(p) for p in _files_of(path, ".")})
+    return digest(dict(_hashes_below(path)))
+
+
+def _hashes_below(root: Path) -> Iterator[tuple[str, str]]:
+    """Yield SHA-256 of each file below a folder, hidden ones too, and of where each link leads."""
+    for here, folders, files in os.walk(root):
+        links = [name for name in folders if (Path(here) / name).is_symlink()]
+        folders[:] = sorted(n for n in folders if n not in _NO_DATA and not _is_environment(Path(here) / n))
+        for path in (Path(here) / name for name in sorted([*files, *links])):
+            name = path.relative_to(root).as_posix()
+            if path.is_symlink():
+                yield name, hashlib.sha256(os.fsencode(os.readlink(path))).hexdigest()
+            elif path.is_file():
+                yield name, _sha256(path)
+
+
+def _sha256(path: Path) -> str:
+    """Return SHA-256 of a file.
+
+    Raises:
+        MethodError: It cannot be read.
+    """
+    try:
+        return sha256(path)
+    except OSError as cause:
+        raise MethodError(
+            f"expected {path} to be readable, got {cause.strerror}. Change its permissions"
+        ) from cause
 
 
 def _told_of(path: Path) -> dict[str, str]:

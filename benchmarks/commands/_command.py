@@ -93,6 +93,8 @@ class Command:
             raise ValueError(
                 f"expected a command for {name}, got {text!r}: {cause}. Mend its quotes"
             ) from None
+        if text and not words:
+            raise ValueError(f"expected a command for {name}, got {text!r}, which is blank. Leave it out")
         unknown = [place for word in words for place in _PLACE.findall(word) if place not in known]
         if unknown:
             raise ValueError(

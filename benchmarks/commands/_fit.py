@@ -25,11 +25,21 @@ from graycard.benchmarks.commands._code import (
 from graycard.benchmarks.commands._command import RECORDED, Command, told_of
 from graycard.benchmarks.commands._handing import hand_over, take_outputs
 from graycard.io import code_hash, sha256, write_bytes
-from graycard.methods.confined import ConfinedMethod, Introduction, Ran, confine, take_files
+from graycard.methods.confined import (
+    OUTPUTS,
+    ConfinedMethod,
+    Introduction,
+    Ran,
+    confine,
+    end_of_file,
+    take_files,
+)
 from graycard.records import Access, Cost
 
 LOG = "output.txt"
 """File beside the predictions of a job with the end of what its command printed."""
+_KEPT = 2**18
+"""Bytes of each output that are kept."""
 _LINES = 12
 """Lines of its standard error that the reason of a failure quotes."""
 _CODE = ("graycard:open_capture", "graycard.adoption:adopt", "graycard.exchange:export_capture")
@@ -50,6 +60,8 @@ class CommandSpec:
     """``DATASET/<track>/<scene>``."""
     allowed: tuple[Path, ...] = ()
     """Files and folders that it may read and change besides."""
+    code_sha256: str = ""
+    """SHA-256 that its code has to have, as :func:`introduction_of_command` found it; empty for any."""
 
 
 def introduction_of_command(command: Command, settings: Mapping[str, Any]) -> Introduction:
@@ -101,7 +113,7 @@ def fit_command(
                 _keep_log(course.logs, predictions.parent / LOG)
             access = _access(spec, process)
         _take(spec, course, capture, predictions)
-    return Cost(ran.seconds, ran.peak_mib), access
+    return Cost(ran.seconds, ran.peak_mib, cpu_s=ran.cpu_s), access
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +131,21 @@ class _Course:
 
     @staticmethod
     def begun(spec: CommandSpec, scratch: Path, handed: Path) -> "_Course":
-        """Copy the code, and make the folders."""
+        """Copy the code, and make the folders.
+
+        Raises:
+            MethodError: The code is not what it was when the bench began.
+        """
         interpreter, code = interpreter_of(spec.command), code_of(spec.command)
         folders = [scratch / name for name in ("code", "printed", "out")]
         for folder in folders:
             folder.mkdir()
         code.copy(folders[0])
+        if spec.code_sha256 not in ("", digest({name: sha256(folders[0] / name) for name in code.files})):
+            raise MethodError(
+                f"expected the code in {code.folder} as it was when the bench began, got another. Start the "
+                "bench again"
+            )
         values = {**spec.settings, "capture": handed, "out": folders[2], "seed": spec.seed}
         started, logs, out = folders
         return _Course(spec, interpreter, started, logs, out, values)
@@ -166,9 +187,9 @@ def _last_words(ran: Ran) -> str:
 def _keep_log(logs: Path, kept: Path) -> None:
     """Keep the end of what a command printed."""
     parts = []
-    for path in sorted(logs.glob("*.txt")):
-        if text := path.read_bytes()[-(2**18) :].decode(errors="replace"):
-            parts.append(f"--- {path.stem}\n{text}")
+    for name in sorted(OUTPUTS):
+        if text := end_of_file(logs, name, _KEPT).decode(errors="replace"):
+            parts.append(f"--- {Path(name).stem}\n{text}")
     if parts:
         write_bytes(kept, "\n".join(parts).encode())
 

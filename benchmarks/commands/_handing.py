@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inputs of a command, and its outputs as predictions of the scene."""
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from graycard.benchmarks._handed import OPAQUE
 from graycard.benchmarks.commands._command import Command
 from graycard.dataset import write_index
 from graycard.exchange import export_capture
-from graycard.io import output_error, write_json
+from graycard.io import output_error, remove, write_json
 from graycard.layers import shape_of
 from graycard.predictions import (
     FOLDERS,
@@ -93,9 +94,22 @@ def take_outputs(command: Command, made: Path, capture: Capture, method: str, pr
         names = (LIGHTS, *FOLDERS)
     for name in names:
         if (made / name).exists():
-            (made / name).rename(predictions / name)
+            _move(made / name, predictions / name)
     finish_predictions(predictions, Predictions(method, capture.track, capture.scene))
     open_predictions(predictions).lights()  # refused now, not when it is scored
+
+
+def _move(source: Path, target: Path) -> None:
+    """Move a file or folder, to another file system as well.
+
+    Raises:
+        OutputError: The disk is full, or cannot be written to.
+    """
+    remove(target)
+    try:
+        shutil.move(source, target)
+    except OSError as cause:
+        raise output_error(target, cause) from cause
 
 
 def _check_views(made: Path, capture: Capture) -> None:

@@ -207,6 +207,11 @@ def access_breaches(run: RunRecord) -> list[Breach]:
             what = f"expected a record of how truth was closed, got {_evidence(result)}"
             found.append(Breach("truth", where, what, unknown=True))
             continue
+        if result.job.entry.startswith("$ ") and "landlock" not in access.guard:
+            what = (
+                f"expected Landlock to close truth to a command, got {access.guard}, which binds no program"
+            )
+            found.append(Breach("truth", where, f"{what}. Fit it again on Linux 5.13 or newer", unknown=True))
         if access.refused:
             what = f"expected a fit from its capture, got an attempt to reach {', '.join(access.refused)}"
             found.append(Breach("truth", where, what))

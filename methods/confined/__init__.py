@@ -14,6 +14,7 @@ from graycard.methods.confined._probed import ProbedMethod as ProbedMethod
 from graycard.methods.confined._probed import of_kind as of_kind
 from graycard.methods.confined._program import OUTPUTS as OUTPUTS
 from graycard.methods.confined._program import Ran as Ran
+from graycard.methods.confined._saved import end_of_file as end_of_file
 from graycard.methods.confined._saved import take_files as take_files
 from graycard.methods.confined._server import serve as serve
 from graycard.methods.confined._start import SERVE as SERVE

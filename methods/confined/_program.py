@@ -3,14 +3,17 @@
 
 import contextlib
 import os
+import resource
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from graycard.io import printable
+from graycard.methods.confined._saved import end_of_file
 
 _LOOK_S = 0.1
 """Seconds between two looks at a program."""
@@ -30,8 +33,10 @@ class Ran:
     code: int | None
     """Exit code, below 0 for a signal; None where it ran out of time and was killed."""
     seconds: float
+    cpu_s: float
+    """CPU time of the program and of all that it has waited for, seconds."""
     peak_mib: float
-    """Most memory of one of its processes."""
+    """Most memory of one of its processes; at least that of the process that started it."""
     output: str
     """End of its standard output."""
     errors: str
@@ -71,35 +76,30 @@ def run_program(
             stderr=errors,
             process_group=0,
         )
-    code = _awaited(process, None if timeout_s is None else begun + timeout_s, files, tell)
+    code, used = _awaited(process, None if timeout_s is None else begun + timeout_s, files, tell)
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
-    return Ran(code, time.monotonic() - begun, _peak_mib(), *map(_end_of, files))
-
-
-def _peak_mib() -> float:
-    """Return the most memory that one of the programs has held; 0 where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # not on this system
-        return 0.0
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    seconds, cpu_s = time.monotonic() - begun, used.ru_utime + used.ru_stime
+    peak_mib = used.ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    return Ran(code, seconds, cpu_s, peak_mib, *map(_end_of, files))
 
 
 def _awaited(
     process: subprocess.Popen[bytes], end: float | None, files: Sequence[Path], tell: Callable[[str], None]
-) -> int | None:
-    """Return the exit code of a program; None for one that was killed as its time was over."""
-    while process.poll() is None:
-        if end is not None and time.monotonic() >= end:
+) -> tuple[int | None, resource.struct_rusage]:
+    """Return the exit code of a program, None for one that was killed as its time was over, and its cost."""
+    while True:
+        is_late = end is not None and time.monotonic() >= end
+        if is_late:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            return None
+        ended, status, used = os.wait4(process.pid, 0 if is_late else os.WNOHANG)
+        if ended:
+            process.returncode = os.waitstatus_to_exitcode(status)  # Popen would wait for it as well
+            return None if is_late else process.returncode, used
         for line in _last_lines(files):
             tell(line)
         time.sleep(_LOOK_S)
-    return process.returncode
 
 
 def _passed() -> dict[str, str]:
@@ -111,14 +111,19 @@ def _passed() -> dict[str, str]:
 
 def _last_lines(files: Sequence[Path]) -> Iterator[str]:
     """Yield the last line of the file that was written last, if there is one."""
-    newest = max(files, key=lambda path: path.stat().st_mtime_ns)
+    newest = max(files, key=_changed)
     lines = _end_of(newest, 1000).replace("\r", "\n").split("\n")
     yield from [line for line in lines if line.strip()][-1:]
 
 
+def _changed(path: Path) -> int:
+    """Return when a file was written last; 0 for one that the program has removed."""
+    try:
+        return path.lstat().st_mtime_ns
+    except OSError:
+        return 0
+
+
 def _end_of(path: Path, most: int = _TAIL) -> str:
     """Return the end of a text file, control characters as escapes."""
-    with path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        file.seek(max(0, size - most))
-        return printable(file.read(most).decode(errors="replace"))
+    return printable(end_of_file(path.parent, path.name, most).decode(errors="replace"))

@@ -5,7 +5,7 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -41,6 +41,28 @@ def take_files(made: Path, folder: Path) -> None:
     if not is_folder:
         raise MethodError(f"expected a folder of files, got {made.name}, which is none")
     shutil.rmtree(made, ignore_errors=True)
+
+
+def end_of_file(folder: Path, name: str, most: int) -> bytes:
+    """Return the end of a file in a folder that code of others may still change; empty where there is none.
+
+    Neither the folder nor the file may be a link, and a pipe is no file.
+
+    Args:
+        folder: The folder.
+        name: Of the file.
+        most: Number of bytes at most.
+    """
+    try:
+        number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return b""
+    try:
+        with suppress(MethodError), _opened(name, number, stat.S_ISREG) as file:
+            return os.pread(file, most, max(0, os.fstat(file).st_size - most))
+    finally:
+        os.close(number)
+    return b""
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands in the place of methods: run confined, recorded, resumed, ended, and read as any predictions."""
 
+import errno
 import json
 import os
 import re
@@ -14,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from command_scripts import MEAN, TRIES, WAITS, fresh_python, write_script
@@ -21,14 +23,17 @@ from graycard import GraycardError, MethodError, PredictionError, RecordError, o
 from graycard.benchmarks import SuiteMethod, check_result, load_suite
 from graycard.benchmarks._handed import OPAQUE, copied_capture
 from graycard.benchmarks._introduction import introduction_of
-from graycard.benchmarks.commands._code import code_of, interpreter_of
+from graycard.benchmarks._jobs import FitJob, run_fit
+from graycard.benchmarks.commands._code import code_of, hashes_of_reads, interpreter_of
 from graycard.benchmarks.commands._command import Command
-from graycard.benchmarks.commands._fit import LOG, CommandSpec, fit_command
+from graycard.benchmarks.commands._fit import LOG, CommandSpec, fit_command, introduction_of_command
 from graycard.benchmarks.commands._handing import hand_over
 from graycard.cli import main
-from graycard.io import silent
+from graycard.io import silent, write_layers
+from graycard.methods.confined import Ran
+from graycard.methods.confined._program import run_program
 from graycard.processes import landlock_version
-from graycard.records import JobResult, read_run
+from graycard.records import Job, JobResult, read_run
 
 needs_landlock = pytest.mark.skipif(not landlock_version(), reason="needs Landlock")
 ROW = """
@@ -87,6 +92,7 @@ def test_a_command_is_a_row_beside_the_methods(
     assert first.job.entry == "$ python infer.py {capture} {out} {gain}"
     assert first.cost is not None
     assert first.cost.peak_memory_mib > 1
+    assert first.cost.cpu_s is not None, "`graycard plan` counts on it"
     predictions = run / first.folder / "predictions"
     assert open_predictions(predictions).is_whole()
     assert open_predictions(predictions).scene == first.job.scene
@@ -234,6 +240,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "mark": ({"environment": {"GRAYCARD_WORKER": "x"}}, "environment variables"),
     "timeout": ({"timeout": 0.0}, "timeout above 0"),
     "setup": ({"setup": "python x.py {capture}"}, r"got {capture}"),
+    "blank": ({"setup": " "}, "which is blank"),
     "layout": ({"layout": "no-such"}, "layout"),
     "map": ({"maps": ("base_color",)}, "expected LAYER=PATTERN"),
     "label": ({"label": "b"}, "a command has none"),
@@ -314,3 +321,106 @@ def test_the_script_of_the_guide_works(make_scene: Callable[..., Path], tmp_path
     found = open_predictions(predictions)
     assert found.scene == "tiny-0000"
     assert (found.layers("test_001")["base_color"] > 0).all()
+
+
+LINKS = """
+import os, sys
+for name in ("stderr.txt", "more.txt"):
+    os.path.exists(f"../printed/{name}") and os.remove(f"../printed/{name}")
+    os.symlink(sys.argv[3], f"../printed/{name}")
+os.remove("../printed/stdout.txt")
+os.mkfifo("../printed/stdout.txt")
+sys.exit(7)
+"""
+"""It puts links in the place of what it printed, and a pipe, which has no end."""
+MOVES = """
+import os, sys
+os.rename("../printed", "../elsewhere")
+os.symlink(sys.argv[3], "../printed")
+sys.exit(7)
+"""
+"""It puts a link in the place of the folder of what it printed."""
+
+
+@pytest.mark.parametrize("text", [LINKS, MOVES])
+def test_a_command_cannot_have_other_files_read_by_links(
+    text: str, make_scene: Callable[..., Path], tmp_path: Path
+):
+    secrets = write_script(tmp_path / "secrets", "do not tell", "stderr.txt")
+    for name in ("stdout.txt", "more.txt"):
+        write_script(secrets, "do not tell", name)
+    command = command_of(tmp_path, text, run="python infer.py {capture} {out} {target}")
+    target = secrets if text == MOVES else secrets / "stderr.txt"
+    with pytest.raises(MethodError):
+        fitted(command, make_scene(), tmp_path, settings={"target": str(target)})
+    log = tmp_path / "job" / LOG
+    assert not log.exists() or "do not tell" not in log.read_text()
+
+
+def test_outputs_are_taken_to_another_file_system(
+    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Temporary files often lie in memory, a run on a disk: no file can be renamed from one to the other."""
+
+    def refuse(source: Any, target: Any, **_: Any) -> None:
+        raise OSError(errno.EXDEV, os.strerror(errno.EXDEV), str(source))
+
+    scene = make_scene()
+    views = write_script(tmp_path / "made", "", "unused").parent / "made" / "views"
+    for view in open_capture(scene / "capture").views:
+        shape = view.camera.height, view.camera.width, 3
+        write_layers(views / f"{view.name}.exr", {"base_color": np.full(shape, 0.5, np.float32)})
+    text = "import shutil, sys\nshutil.copytree('views', sys.argv[2] + '/views')"
+    command = command_of(tmp_path, text, code=("views",))
+    shutil.copytree(views, tmp_path / "code" / "views")
+    monkeypatch.setattr(os, "rename", refuse)
+    found = open_predictions(fitted(command, scene, tmp_path))
+    assert found.is_whole()
+    assert (found.layers("test_001")["base_color"] == 0.5).all()
+
+
+def test_code_that_has_changed_since_the_bench_began_is_not_run(
+    make_scene: Callable[..., Path], tmp_path: Path
+):
+    scene, command = make_scene(), command_of(tmp_path, "import sys\nsys.exit('it ran')")
+    known = introduction_of_command(command, {})
+    job = Job("dark", scene.name, "theirs", 0, known.settings, f"$ {command.run}")
+    fit = FitJob(job, "hash", scene, tmp_path / "job", 1, command=command)
+    assert "it ran" in run_fit(fit).reason
+    write_script(tmp_path / "code", "import sys\nsys.exit('another ran')")
+    said = run_fit(fit).reason
+    assert "as it was when the bench began, got another" in said
+    assert "another ran" not in said
+
+
+READS: dict[str, Callable[[Path], object]] = {
+    "file": lambda folder: (folder / "weights").write_text("2"),
+    "hidden": lambda folder: (folder / ".cache" / "weights").write_text("2"),
+    "link": lambda folder: ((folder / "last").unlink(), (folder / "last").symlink_to("weights")),
+    "more": lambda folder: (folder / "more").write_text(""),
+}
+
+
+@pytest.mark.parametrize("change", READS)
+def test_all_that_a_command_may_read_is_hashed(change: str, tmp_path: Path):
+    folder = tmp_path / "reads"
+    for name in ("weights", ".cache/weights", ".git/index", "__pycache__/a.pyc", "env/pyvenv.cfg"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("1")
+    (folder / "last").symlink_to(".cache/weights")
+    command = Command(run="true {out}", reads=(str(folder),))
+    before = hashes_of_reads(command)
+    for name in (".git/index", "__pycache__/a.pyc", "env/more"):
+        (folder / name).write_text("2")
+    assert hashes_of_reads(command) == before
+    READS[change](folder)
+    assert hashes_of_reads(command) != before
+
+
+def test_a_program_costs_what_it_takes_itself(tmp_path: Path):
+    def ran(text: str) -> Ran:
+        return run_program([sys.executable, "-c", text], tmp_path, tmp_path, {}, None, lambda line: None)
+
+    busy, idle = ran("sum(range(20_000_000))"), ran("")
+    assert 0 < idle.cpu_s < busy.cpu_s
+    assert (busy.code, idle.code, ran("import os; os.abort()").code) == (0, 0, -6)

@@ -395,6 +395,17 @@ def test_truth_was_closed(run: Path, edit: dict[str, Any], words: str, code: int
     assert check_result(run).exit_code == code
 
 
+@pytest.mark.parametrize(("guard", "holds"), [(f"landlock-4+{AUDIT_HOOK}", True), (AUDIT_HOOK, False)])
+def test_truth_is_closed_to_a_command_by_the_kernel_alone(run: Path, guard: str, holds: bool):
+    def of_a_command(data: Any) -> None:
+        result = data["results"][1]
+        result["job"]["entry"] = "$ python infer.py {capture} {out}"
+        result["access"]["guard"] = guard
+
+    change(run, of_a_command)
+    assert ("truth" not in breaches(run)) is holds
+
+
 @pytest.mark.parametrize(
     ("guard", "says"),
     [
