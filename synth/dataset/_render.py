@@ -200,8 +200,9 @@ def render_part(
     todo = missing(mine, place.partial / "truth")
     if todo:
         use_renderer(threads, variant)
-    for _, rendering in todo:
-        write_aside(rendering, place.partial / "truth", place.aside(uuid4().hex))
+    for _, rendering in todo:  # another process may end the scene meanwhile, or begin one of another spec
+        truth, aside = place.partial / "truth", place.aside(uuid4().hex)
+        write_aside(rendering, truth, aside, lambda: stamped(place) == stamp)
 
 
 def _make(

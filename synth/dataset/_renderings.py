@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from graycard import OutputError
 from graycard.edits import composed_file
 from graycard.io import write_layers
 from graycard.synth._scene import Scene
@@ -85,8 +86,14 @@ def write_missing(rendering: Rendering, truth: Path) -> None:
             write_layers(truth / name, layers)
 
 
-def write_aside(rendering: Rendering, truth: Path, aside: Path) -> None:
+def write_aside(rendering: Rendering, truth: Path, aside: Path, is_wanted: Callable[[], bool]) -> None:
     """Render into a folder of this process, and move the files in place that are not there then.
+
+    Args:
+        rendering: What is rendered.
+        truth: Folder that the files go to.
+        aside: Folder of this process; it goes.
+        is_wanted: Tells whether the scene is still the one that the files belong to; else they are dropped.
 
     Raises:
         OutputError: A folder cannot be written to, or the disk is full.
@@ -94,8 +101,11 @@ def write_aside(rendering: Rendering, truth: Path, aside: Path) -> None:
     try:
         for name, layers in zip(rendering.files, rendering.make(), strict=True):
             write_layers(aside / name, layers)
-            if not (truth / name).exists():
+            if is_wanted() and not (truth / name).exists():
                 move(aside / name, truth / name)
+    except OutputError:
+        if is_wanted():
+            raise  # else another process has ended the scene, and the folder is gone
     finally:
         discard(aside)
 

@@ -5,9 +5,10 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from graycard import DatasetError
+from graycard import DatasetError, OutputError
 from graycard.io import read_layers, sha256, write_json
 from graycard.synth import (
     RenderSettings,
@@ -19,6 +20,7 @@ from graycard.synth import (
     scene_name,
 )
 from graycard.synth.dataset._render import clear_leftovers
+from graycard.synth.dataset._renderings import Rendering, write_aside
 from graycard.synth.dataset._store import Place, stamped
 
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
@@ -127,3 +129,34 @@ def test_a_part_is_refused_where_its_renderer_is_not(tmp_path: Path):
     write_json(place.stamp, {**(stamped(place) or {}), "variant": "llvm_ad_rgb"})
     with pytest.raises(DatasetError, match="a machine that renders with 'llvm_ad_rgb'.*Install LLVM"):
         render_part(TABLE, TINY, tmp_path, (0,))
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_a_folder_that_is_gone_is_an_error_of_a_scene_that_is_wanted(wanted: bool, tmp_path: Path):
+    (tmp_path / "file").write_text("no folder")
+    picture = Rendering("a view", ("views/a.exr",), lambda: [{"depth": np.ones((2, 2), np.float32)}])
+    told = picture, tmp_path / "truth", tmp_path / "file" / "aside", lambda: wanted
+    if not wanted:
+        write_aside(*told)
+        return
+    with pytest.raises(OutputError):
+        write_aside(*told)
+
+
+def test_a_picture_of_a_scene_that_was_begun_anew_is_dropped(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Another bench with other settings begins the scene while a worker is at a picture of the first."""
+    from graycard.synth.layers import _views  # Mitsuba: not before its variant is chosen
+
+    source = whole / "tabletop" / scene_name(TABLE) / "truth" / "views" / "train_000.exr"
+
+    def render(*_: object) -> dict[str, np.ndarray]:
+        begin_scene(TABLE, RenderSettings(20, 16, 3, 1, 36, 3), tmp_path)
+        return read_layers(source)
+
+    begin_scene(TABLE, TINY, tmp_path)
+    monkeypatch.setattr(_views, "render_view", render)
+    render_part(TABLE, TINY, tmp_path, (0,))
+    place = Place(tmp_path, "tabletop", scene_name(TABLE))
+    assert not [*place.work.rglob("*.exr")]
