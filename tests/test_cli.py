@@ -585,6 +585,7 @@ def test_doctor_goes_on_after_what_it_cannot_mend(
     assert "failed: weights inception: expected a network, got none" in said.err
     assert "mend leftovers: 1 removed in 1 folder" in said.out
     assert main(["doctor", "--mend", "--folders", "gone"]) == 1
+    assert main(["doctor", "--folders", "runs"]) == 2, "it would do nothing"
     assert "expected a folder of a run or dataset, got nothing at gone" in capsys.readouterr().err
 
 

@@ -156,3 +156,27 @@ def test_a_sparkline_shows_gaps_and_constant_lines():
     assert sparkline([]) == ""
     assert sparkline([1.0, float("inf"), float("nan"), 2.0]) == "▁··█"
     assert sparkline([-1.7e308, 1.7e308]) == "▅▅", "their difference is no number"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--write", "--annotate"],
+        ["--write", "--tolerance", "2"],
+        ["--write", "--history", "h"],
+        ["--commit", "a"],
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(
+    options: list[str], gate: Callable[..., int], tmp_path: Path, capsys: Capture
+):
+    assert gate(BEFORE, *options) == 2
+    assert f"expected {options[0]} " in capsys.readouterr().err
+    assert not Path("h").exists()
+
+
+@pytest.mark.parametrize("option", [["--rows", "mine"], ["--tolerance", "2"]])
+def test_a_summary_without_a_baseline_watches_no_rows(option: list[str], tmp_path: Path, capsys: Capture):
+    write_json(tmp_path / "run.json", run_of(BEFORE))
+    assert main(["report", str(tmp_path), "--summary", "md", *option]) == 2
+    assert "expected --baseline with --rows or --tolerance" in capsys.readouterr().err

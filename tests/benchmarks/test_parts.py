@@ -10,6 +10,7 @@ from graycard import GraycardError
 from graycard.benchmarks import Part, parse_part
 from graycard.benchmarks._run_record import check_seen
 from graycard.cli import main
+from graycard.io import read_json
 from graycard.records import read_run
 from tiny_benches import made_without_renderer, write_reserve_suite
 
@@ -52,7 +53,9 @@ def test_parts_do_what_the_whole_does_and_a_last_call_reuses_it(
     run, seen, scenes = tmp_path / "run", set(), []
     for number, count in enumerate((3, 3, 4), 1):
         asked.clear()
-        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
+        told = tmp_path / f"part-{number}.json"
+        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3", "--json", str(told)]) == 0
+        assert read_json(told)["result"] == {"run": str(run), "jobs": count, "failed": []}
         assert len(jobs_of(run) - seen) == count
         assert f"part {number}/3, {count} jobs, 0 failures" in capsys.readouterr().out
         assert not (run / "run.json").exists()

@@ -92,7 +92,7 @@ class BenchCommand:
     only: Annotated[str | None, optional("K/N")] = None
     """Do the K-th of N parts, as a task of a job array does. The same command without --only gathers all."""
     json: Json = None
-    """Also write the run folder, the report and what failed to this file."""
+    """Also write the run folder, the report if there is one, and what failed to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Run the suite; a job or a score that failed makes the exit code 1."""
@@ -232,6 +232,7 @@ class BenchCommand:
         lines = failed_lines(results)
         for line in lines:
             course.terminal.err.print(f"failed: {line}")
+        write_optional_json(self.json, {"run": chosen.run, "jobs": len(results), "failed": lines})
         course.terminal.out.print(
             f"bench: part {part}, {len(results)} jobs, {len(lines)} failures; the same command without "
             f"--only gathers {chosen.run.resolve()}"

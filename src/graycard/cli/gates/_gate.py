@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, write_optional_json
 from graycard.records import RunRecord, read_run
@@ -46,6 +47,7 @@ class GateCommand:
         """Compare, or write the baseline."""
         from graycard.benchmarks import find_baseline, judge, make_baseline, read_baseline, write_baseline
 
+        self._refuse_idle()
         run = read_run(self.run_folder)
         if self.write:
             made = make_baseline(run, self.rows)
@@ -60,6 +62,23 @@ class GateCommand:
         self._tell(terminal, run, baseline, verdict)
         terminal.out.print(f"gate: {verdict.says}")
         return verdict.exit_code
+
+    def _refuse_idle(self) -> None:
+        """Refuse options that would do nothing.
+
+        Raises:
+            GraycardError: There is one.
+        """
+        compare = {
+            "--tolerance": self.tolerance != 1, "--annotate": self.annotate, "--history": self.history,
+            "--json": self.json,
+        }  # fmt: skip
+        if self.write and (idle := [option for option, given in compare.items() if given]):
+            raise GraycardError(
+                f"expected --write alone, as nothing is compared then, got {idle[0]} as well. Leave one out"
+            )
+        if self.commit and self.history is None:
+            raise GraycardError("expected --commit with --history, got it alone. Name the folder, too")
 
     def _tell(self, terminal: Terminal, run: RunRecord, baseline: Baseline, verdict: GateVerdict) -> None:
         """Write the verdict in each form that was asked for."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,10 +39,11 @@ class NewMethodCommand:
         made = new_method(self.name, self.out, one_file=self.one_file)
         package = self.name.replace("-", "_")
         if self.one_file:
-            where = "" if self.out == Path() else f"cd {self.out} && "
+            where = "" if self.out == Path() else f"cd {shlex.quote(str(self.out))} && "
             terminal.say(f"next: {where}graycard test-method {package}:{class_of(self.name)}")
         else:
-            terminal.say(f"next: cd {made} && pip install -e '.[test]' && graycard test-method {package}")
+            folder = shlex.quote(str(made))
+            terminal.say(f"next: cd {folder} && pip install -e '.[test]' && graycard test-method {package}")
         terminal.out.print(f"new-method: {made}")
         return OK
 

@@ -36,6 +36,8 @@ class DoctorCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Examine the machine; what could not be mended makes the exit code 1."""
         failed = 0
+        if self.folders and not self.mend:
+            raise GraycardError("expected --folders with --mend, got it alone. Add --mend, or leave it out")
         if self.mend:
             failed = sum(not _mended(terminal, name, work) for name, work in self._works(terminal))
         elif self.warm:

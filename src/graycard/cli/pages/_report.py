@@ -56,6 +56,8 @@ class ReportCommand:
         from graycard.dataset import is_scene
         from graycard.reports import ledger_of_run
 
+        if self.baseline is None and (self.rows or self.tolerance != 1):
+            raise GraycardError("expected --baseline with --rows or --tolerance, got none. Name the baseline")
         if self.summary is not None:
             return self._summarise(self.summary, terminal)
         if self.baseline is not None:
