@@ -60,7 +60,7 @@ class Validity:
     rules: tuple[str, ...]
     """The rules that were looked at."""
     suite: str
-    """Suite that suite the run was held against, and how that is known."""
+    """Suite that the run was held against, and how that is known."""
     part: str
     """Part of the suite, in words; empty for all of it."""
     results: int

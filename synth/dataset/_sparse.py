@@ -35,7 +35,7 @@ _Peaks = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """View of one training view sees, each array ``(H, W, ...)``."""
+    """Pixels of one training view with what they show, each array ``(H, W, ...)``."""
 
     index: int
     """Index of the view in ``capture.views``."""

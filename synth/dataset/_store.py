@@ -63,7 +63,7 @@ class Place:
 
     @property
     def replaced(self) -> Path:
-        """Folder in which broken scene waits until the new one is whole."""
+        """Folder in which a broken scene waits until the new one is whole."""
         return self.work / "replaced"
 
 
