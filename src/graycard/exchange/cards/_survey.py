@@ -122,7 +122,7 @@ def _scene(dataset: Path, folder: Path) -> SceneFacts:
 
 def _seed(told: Manifest | None) -> int | None:
     seed = told.seeds.get("scene") if told else None
-    return None if seed in SECRET_SEEDS else seed
+    return None if seed is None or seed in SECRET_SEEDS else seed  # None would be sought one by one
 
 
 def _manifests(dataset: Path, folder: Path) -> list[ManifestFile]:
