@@ -10,7 +10,16 @@ from pathlib import Path
 from typing import Literal
 
 from graycard.benchmarks.gates._gate import GateVerdict
-from graycard.io import Label, Name, check_version, from_builtins, read_json, write_bytes, write_json
+from graycard.io import (
+    Label,
+    Name,
+    check_version,
+    from_builtins,
+    markdown_text,
+    read_json,
+    write_bytes,
+    write_json,
+)
 from graycard.records import RunRecord
 
 RECORDS, PAGE = "gate-history.json", "README.md"
@@ -125,15 +134,16 @@ def page(history: GateHistory) -> str:
 def _suite(entries: Sequence[Entry]) -> Iterator[str]:
     last = entries[-1]
     mark = "✅" if last.exit_code == 0 else "❌"
-    yield f"## Suite {escaped(last.suite)}"
+    commit, date, says = map(markdown_text, (last.commit[:12], last.date, last.says))
+    yield f"## Suite {markdown_text(last.suite)}"
     yield (
-        f"{mark} {escaped(last.commit[:12])}, {escaped(last.date)}: {escaped(last.says)}. {len(entries)} "
-        f"commit{'s' * (len(entries) != 1)}; lines show the last {SHOWN}, the newest at the right."
+        f"{mark} {commit}, {date}: {says}. {len(entries)} commit{'s' * (len(entries) != 1)}; lines show the "
+        f"last {SHOWN}, the newest at the right."
     )
     for track in dict.fromkeys(mean.track for mean in last.means):
         means = [mean for mean in last.means if mean.track == track]
         first = [mean for mean in means if mean.headline]
-        yield f"### {escaped(track)}"
+        yield f"### {markdown_text(track)}"
         if first:
             yield _table(first, entries)
         if rest := [mean for mean in means if not mean.headline]:
@@ -156,7 +166,7 @@ def _row(now: Mean, entries: Sequence[Entry]) -> str:
         now.row, now.metric, sparkline(found[-SHOWN:]), f"{now.value:.4g}{unit}", before, f"{best:.4g}",
         "higher" if now.higher_is_better else "lower",
     )  # fmt: skip
-    return "| " + " | ".join(map(escaped, cells)) + " |"
+    return "| " + " | ".join(map(markdown_text, cells)) + " |"
 
 
 def sparkline(values: Sequence[float | None]) -> str:
@@ -174,10 +184,3 @@ def _height(value: float, low: float, high: float) -> int:
     if not 0 < span < math.inf:
         return len(_BARS) // 2
     return round((value - low) / span * (len(_BARS) - 1))
-
-
-def escaped(text: str) -> str:
-    """Return a text that Markdown shows as it is, on one line."""
-    for sign in "\\|`*_<>[]":
-        text = text.replace(sign, "\\" + sign)
-    return " ".join(text.split())

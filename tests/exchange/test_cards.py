@@ -2,6 +2,7 @@
 """A dataset as others find it: a Croissant manifest that its own library accepts, and a card for people."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from graycard.cli import main
-from graycard.dataset import SECRET_SEEDS
+from graycard.dataset import IMPORTER, SECRET_SEEDS
 from graycard.exchange.cards._card import LONGEST, data_card
 from graycard.exchange.cards._survey import Publication, survey
 from graycard.io import read_json, read_manifest, sha256, write_manifest
@@ -90,3 +91,37 @@ def test_the_library_of_croissant_accepts_it(dataset: Path):
     assert loaded.metadata.ctx.issues.report() == ""
     records = [*loaded.records("scenes")]
     assert len(records) == len(read_json(dataset / "croissant.json")["recordSet"][0]["data"]) == 2
+
+
+def test_imported_photographs_are_not_vouched_for(dataset: Path, capsys: Capture):
+    """Nobody here knows who is to be seen in photographs of others, or under which licence they are."""
+    shutil.rmtree(dataset / "dark" / "corridor-0001" / "truth")
+    capture = dataset / "dark" / "corridor-0001" / "capture"
+    manifest = read_manifest(capture, "graycard-capture")
+    write_manifest(capture, replace(manifest, generator={"name": IMPORTER}))
+    assert main(["export", str(dataset), "--format", "croissant", "--out", str(dataset)]) == 2
+    assert "expected the licence of 1 scenes of imported photographs, got none" in capsys.readouterr().err
+    assert not (dataset / "croissant.json").exists()
+    found = described(dataset)
+    assert "answers for what they show" in found["rai:personalSensitiveInformation"]
+    assert "taken over by graycard import" in found["rai:dataCollection"]
+    assert "display white" in found["rai:dataLimitations"]
+    assert "creator" not in found
+    card = (dataset / "DATA_CARD.md").read_text()
+    assert "cameras of 1 scenes are of others" in card
+    assert "| dark/corridor-0001 | imported |" in card
+
+
+def test_rendered_scenes_have_a_licence_and_show_nobody(dataset: Path):
+    assert main(["export", str(dataset), "--format", "croissant", "--out", str(dataset)]) == 0
+    found = json.loads((dataset / "croissant.json").read_text())
+    assert found["license"] == "Apache-2.0"
+    assert found["rai:personalSensitiveInformation"] == "None: no person and no place is shown."
+    assert "of others" not in (dataset / "DATA_CARD.md").read_text()
+
+
+def test_a_licence_is_of_a_dataset(dataset: Path, tmp_path: Path, capsys: Capture):
+    scene, out = dataset / "dark" / "corridor-0001", tmp_path / "out"
+    assert main(["export", str(scene), "--format", "colmap", "--out", str(out), "--license", "MIT"]) == 2
+    assert "expected --license and --url with --format croissant, got colmap" in capsys.readouterr().err
+    assert not out.exists()

@@ -59,6 +59,7 @@ from graycard.io._names import check_name as check_name
 from graycard.io._names import check_relative_path as check_relative_path
 from graycard.io._names import inside as inside
 from graycard.io._names import is_text as is_text
+from graycard.io._names import markdown_text as markdown_text
 from graycard.io._names import printable as printable
 from graycard.io._ply import Ply as Ply
 from graycard.io._ply import read_ply as read_ply

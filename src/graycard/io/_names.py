@@ -167,6 +167,13 @@ def printable(text: str) -> str:
     )
 
 
+def markdown_text(text: str) -> str:
+    """Return a text that Markdown shows as it is, on one line."""
+    for sign in "\\|`*_<>[]":
+        text = text.replace(sign, "\\" + sign)
+    return " ".join(text.split())
+
+
 def is_text(value: str) -> bool:
     """Tell whether a text can be written in UTF-8: Python keeps odd bytes of names as surrogates."""
     return value.encode(errors="replace").decode() == value

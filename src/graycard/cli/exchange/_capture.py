@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, share, write_optional_json
 from graycard.exchange import (
@@ -52,8 +53,8 @@ class ExportCommand:
     Of a dataset: croissant, a manifest of MLCommons with a data card beside it."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
     """Write to this folder, new or empty, for croissant the dataset itself; surfels to this file."""
-    license: str = _TOLD.license
-    """For croissant: licence of the data."""
+    license: Annotated[str | None, optional("LICENCE")] = None
+    """For croissant: licence of the data; Apache-2.0 by default, but for imported photographs."""
     url: str = _TOLD.url
     """For croissant: address of the data."""
     json: Json = None
@@ -61,6 +62,10 @@ class ExportCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the capture, or the surfels."""
+        if self.format != "croissant" and (self.license is not None or self.url != _TOLD.url):
+            raise GraycardError(
+                f"expected --license and --url with --format croissant, got {self.format}. Leave them out"
+            )
         if self.format in ("ply", "2dgs", "splat"):
             from graycard.cli.splats import export_surfels
 
@@ -87,7 +92,7 @@ class ExportCommand:
         from graycard import __version__
         from graycard.exchange import write_cards
 
-        found = write_cards(self.scene, self.out, __version__, Publication(self.license, self.url))
+        found = write_cards(self.scene, self.out, __version__, Publication(self.license or "", self.url))
         told = {"folder": self.out, "format": self.format, "scenes": len(found.scenes)}
         write_optional_json(self.json, told)
         if self.url == _TOLD.url:

@@ -3,8 +3,9 @@
 
 from collections.abc import Iterator
 
-from graycard.exchange.cards._croissant import LIMITS, describe
+from graycard.exchange.cards._croissant import describe, limits
 from graycard.exchange.cards._survey import Publication, SceneFacts, Survey
+from graycard.io import markdown_text
 
 LONGEST = 200
 """Scenes that are listed one by one."""
@@ -21,9 +22,9 @@ def data_card(found: Survey, told: Publication) -> str:
 
 
 def _lines(found: Survey, told: Publication) -> Iterator[str]:
-    yield from (f"# {_text(found.name)}", "", describe(found), "")
+    yield from (f"# {markdown_text(found.name)}", "", describe(found), "")
     yield from ("| | |", "| --- | --- |")
-    yield from (f"| {name} | {_text(value)} |" for name, value in _facts(found, told))
+    yield from (f"| {name} | {markdown_text(value)} |" for name, value in _facts(found, told))
     yield from ("", "## Content", "", "Each scene is a folder `<track>/<scene>/`:", "")
     yield _CONTENT
     yield from ("", "| scene | family | seed | pixels | training | held out | truth |")
@@ -31,8 +32,10 @@ def _lines(found: Survey, told: Publication) -> Iterator[str]:
     yield from map(_row, found.scenes[:LONGEST])
     if len(found.scenes) > LONGEST:
         yield f"\n{len(found.scenes) - LONGEST} more are in `croissant.json`."
-    yield from ("", "## Making", "", _MAKING)
-    yield from ("", "## Use", "", _USE, "", "## Limits", "", LIMITS)
+    yield from ("", "## Making")
+    yield from ("", _MAKING) if found.imported < len(found.scenes) else ()
+    yield from ("", _IMPORTED.format(found.imported)) if found.imported else ()
+    yield from ("", "## Use", "", _USE, "", "## Limits", "", limits(found))
 
 
 def _facts(found: Survey, told: Publication) -> Iterator[tuple[str, str]]:
@@ -51,13 +54,7 @@ def _row(scene: SceneFacts) -> str:
         f"{scene.width} x {scene.height}", str(scene.train_views), str(scene.test_views),
         "yes" if scene.truth else "no",
     )  # fmt: skip
-    return "| " + " | ".join(map(_text, cells)) + " |"
-
-
-def _text(text: str) -> str:
-    for sign in "\\|`*_<>[]":
-        text = text.replace(sign, "\\" + sign)
-    return " ".join(text.split())
+    return "| " + " | ".join(map(markdown_text, cells)) + " |"
 
 
 _CONTENT = """\
@@ -71,6 +68,9 @@ Rendered with Mitsuba 3 by graycard from families of scenes, which are programs.
 give the same scene to the last bit. No person and no place is shown, and nothing was annotated by hand.
 `graycard verify DATASET` proves the truth again: by closed forms of the lamps, by light parts that add up, by
 geometry against itself, and by a second rendering with other random numbers."""
+_IMPORTED = """\
+Photographs and cameras of {} scenes are of others, taken over by `graycard import`. Who or what they show is
+not known to graycard: whoever publishes them answers for it."""
 _USE = """\
 For judging and developing methods that take photographs apart into light, shape and material:
 `graycard fit METHOD SCENE --out PREDICTIONS`, then `graycard score PREDICTIONS SCENE`. Methods that are

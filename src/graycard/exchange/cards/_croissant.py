@@ -38,6 +38,14 @@ LIMITS = (
     "equal numbers on photographs."
 )
 """Limits of every rendered dataset, in words."""
+_LIMITS_OF_IMPORTS = (
+    "Imported photographs: light is in units of display white, and cameras are as true as the program that "
+    "found them."
+)
+_RENDERED = "Rendered by graycard.synth with Mitsuba 3 from a family, a seed and knobs."
+_IMPORTED = "Photographs and cameras of others, taken over by graycard import."
+_NOBODY = "None: no person and no place is shown."
+_UNKNOWN = "Not known to graycard: whoever publishes imported photographs answers for what they show."
 
 
 def croissant(found: Survey, told: Publication) -> dict[str, Any]:
@@ -59,13 +67,12 @@ def croissant(found: Survey, told: Publication) -> dict[str, Any]:
         "url": told.url,
         "version": found.version,
         "datePublished": told.date,
-        "creator": {"@type": "sc:Organization", "name": "graycard", "url": told.url},
+        **({} if found.imported else _origin(told)),
         "keywords": ["inverse rendering", "intrinsic images", "relighting", "ground truth"],
-        "citeAs": "CITATION.cff of graycard",
         "isLiveDataset": False,
-        "rai:dataCollection": "Rendered by graycard.synth with Mitsuba 3 from a family, a seed and knobs.",
-        "rai:dataLimitations": LIMITS,
-        "rai:personalSensitiveInformation": "None: no person and no place is shown.",
+        "rai:dataCollection": _of_kinds(found, _RENDERED, _IMPORTED),
+        "rai:dataLimitations": limits(found),
+        "rai:personalSensitiveInformation": _UNKNOWN if found.imported else _NOBODY,
         "distribution": [*_files(found)],
         "recordSet": [_scenes(found)],
     }
@@ -80,6 +87,23 @@ def describe(found: Survey) -> str:
         f"views. Light, albedo, normals and materials of {known} are known exactly or with their variance. "
         "Photographs are linear light in OpenEXR."
     )
+
+
+def limits(found: Survey) -> str:
+    """Return the limits of a dataset, in words."""
+    return _of_kinds(found, LIMITS, _LIMITS_OF_IMPORTS)
+
+
+def _of_kinds(found: Survey, of_rendered: str, of_imported: str) -> str:
+    """Return what holds of the kinds of scenes that a dataset has."""
+    rendered = len(found.scenes) - found.imported
+    return " ".join([of_rendered] * (rendered > 0) + [of_imported] * (found.imported > 0))
+
+
+def _origin(told: Publication) -> dict[str, Any]:
+    """Return who has made a dataset of rendered scenes, and how to cite it."""
+    creator = {"@type": "sc:Organization", "name": "graycard", "url": told.url}
+    return {"creator": creator, "citeAs": "CITATION.cff of graycard"}
 
 
 def _files(found: Survey) -> Iterator[dict[str, Any]]:

@@ -8,11 +8,14 @@ from typing import Any
 
 from graycard._errors import DatasetError
 from graycard._held_out import HELD_OUT
-from graycard.dataset import SECRET_SEEDS, capture_folders, has_truth, is_imported, open_capture
+from graycard.dataset import SECRET_SEEDS, capture_folders, has_truth, is_in_display_white, open_capture
 from graycard.io import MANIFEST, Manifest, read_manifest, sha256
 
 PARTS = {"capture": "graycard-capture", "truth": "graycard-truth", HELD_OUT: "graycard-held-out"}
 """Parts of a scene, with the kind of the manifest of each."""
+
+LICENSE = "Apache-2.0"
+"""Licence of scenes that graycard renders."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,8 @@ class SceneFacts:
     settings: Mapping[str, Any]
     """Knobs and rendering, as the truth has them."""
     manifests: tuple[ManifestFile, ...]
+    imported: bool = False
+    """True for photographs of others."""
 
     @property
     def place(self) -> str:
@@ -57,8 +62,8 @@ class SceneFacts:
 class Publication:
     """Facts that only the one who publishes a dataset knows."""
 
-    license: str = "Apache-2.0"
-    """Licence of the data: a name of SPDX, or an address."""
+    license: str = ""
+    """Licence of the data: a name of SPDX, or an address. Empty: that of rendered scenes."""
     url: str = "https://example.org/"
     """Address where people find the data."""
     date: str = ""
@@ -74,7 +79,12 @@ class Survey:
     """Version of the graycard that describes it."""
     scenes: tuple[SceneFacts, ...]
     size: int
-    """Bytes of all files that manifests list."""
+    """Bytes of all files of its scenes."""
+
+    @property
+    def imported(self) -> int:
+        """Return the number of scenes that are photographs of others."""
+        return sum(scene.imported for scene in self.scenes)
 
     @property
     def tracks(self) -> tuple[str, ...]:
@@ -115,9 +125,10 @@ def _scene(dataset: Path, folder: Path) -> SceneFacts:
     settings = dict(told.settings) if told else {}
     camera = (*capture.train, *capture.test)[0].camera
     size = camera.width, camera.height, len(capture.train), len(capture.test)
-    family = "" if is_imported(folder) else str(settings.get("family", ""))
+    imported = is_in_display_white(folder)
+    family = "" if imported else str(settings.get("family", ""))
     named = capture.track, capture.scene, family, _seed(told)
-    return SceneFacts(*named, *size, found, settings, tuple(_manifests(dataset, folder)))
+    return SceneFacts(*named, *size, found, settings, tuple(_manifests(dataset, folder)), imported)
 
 
 def _seed(told: Manifest | None) -> int | None:

@@ -5,9 +5,10 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from graycard._errors import DatasetError
 from graycard.exchange.cards._card import data_card
 from graycard.exchange.cards._croissant import croissant
-from graycard.exchange.cards._survey import Publication, Survey, survey
+from graycard.exchange.cards._survey import LICENSE, Publication, Survey, survey
 from graycard.io import write_bytes, write_json
 
 MANIFEST_NAME, CARD_NAME = "croissant.json", "DATA_CARD.md"
@@ -23,11 +24,17 @@ def write_cards(dataset: Path, out: Path, version: str, told: Publication) -> Su
         told: What only the publisher knows.
 
     Raises:
-        DatasetError: There is no scene, or a manifest is damaged.
+        DatasetError: There is no scene, a manifest is damaged, or imported photographs have no licence.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     found = survey(dataset, version)
-    dated = replace(told, date=told.date or datetime.now(UTC).date().isoformat())
+    if found.imported and not told.license:
+        raise DatasetError(
+            f"expected the licence of {found.imported} scenes of imported photographs, got none. Name it by "
+            "--license"
+        )
+    today = datetime.now(UTC).date().isoformat()
+    dated = replace(told, license=told.license or LICENSE, date=told.date or today)
     write_json(out / MANIFEST_NAME, croissant(found, dated))
     write_bytes(out / CARD_NAME, data_card(found, dated).encode())
     return found
