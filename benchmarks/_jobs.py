@@ -53,6 +53,8 @@ from graycard.synth import (
 R = TypeVar("R")
 
 DONE, SCORES, ERROR, SCORING = "job.json", "scores.json", "error.txt", "scoring.json"
+RENDERING = "rendering"
+"""Folder of a run with what its scenes took."""
 
 JOBS_EACH = 20
 """Fits or sheets of a worker, until a fresh one takes over: to import what they need takes seconds."""
@@ -68,6 +70,8 @@ class RenderJob:
     settings: RenderSettings
     dataset: Path
     threads: int
+    run: Path | None = None
+    """Run folder, where the cost of a scene is kept; None: nowhere."""
 
     @property
     def words(self) -> str:
@@ -134,8 +138,8 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
-class ScoringCost:
-    """``scoring.json``: the time that the scores took."""
+class CpuCost:
+    """``scoring.json``, and the files in ``RUN/rendering``: the time that scores or a scene took."""
 
     cpu_s: float
     """Over all cores."""
@@ -155,7 +159,17 @@ def run_render(job: RenderJob) -> Outcome:
 
 
 def _rendered(job: RenderJob) -> Path:
-    return render_scene(job.spec, job.settings, job.dataset, worker_progress(), job.threads)
+    def keep(cpu_s: float) -> None:
+        if job.run is not None:
+            path = rendering_cost(job.run, job.spec.track, scene_name(job.spec))
+            write_json(writable_folder(path.parent) / path.name, CpuCost(cpu_s))
+
+    return render_scene(job.spec, job.settings, job.dataset, worker_progress(), job.threads, on_cost=keep)
+
+
+def rendering_cost(run: Path, track: str, scene: str) -> Path:
+    """Return the file that says what it took to render a scene, where the run did it in one go."""
+    return run / RENDERING / track / f"{scene}.json"
 
 
 def run_begin(job: RenderJob) -> Outcome:
@@ -222,7 +236,7 @@ def run_score(job: FitJob) -> Outcome:
             key, begun = _score_key(job), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORES, Scored(key, sheet))
-            write_json(job.folder / SCORING, ScoringCost(time.process_time() - begun))
+            write_json(job.folder / SCORING, CpuCost(time.process_time() - begun))
             return Outcome(value=sheet)
 
     return guarded(work, job.folder / ERROR)

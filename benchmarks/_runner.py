@@ -374,7 +374,8 @@ def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, P
     """Render scenes, on this machine one after the other: Mitsuba itself takes all cores."""
     machines = bench.terms.machines
     threads = machines.threads if machines else usable_cores()
-    jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, threads) for spec in specs]
+    given = bench.dataset, threads, bench.run
+    jobs = [RenderJob(spec, bench.suite.render_of(spec), *given) for spec in specs]
     folders = render_scenes(jobs, bench.run_all, machines, bench.part(0, "rendering"))
     check_seen(folder / "truth" / "manifest.json" for folder in folders)
     return list(zip(specs, folders, strict=True))

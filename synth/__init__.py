@@ -19,10 +19,8 @@ from graycard.synth._spec import RenderSettings as RenderSettings
 from graycard.synth._spec import SceneSpec as SceneSpec
 from graycard.synth._spec import SecretSpec as SecretSpec
 from graycard.synth.dataset._identity import with_defaults as with_defaults
-from graycard.synth.dataset._render import RenderingCost as RenderingCost
 from graycard.synth.dataset._render import begin_scene as begin_scene
 from graycard.synth.dataset._render import clear_leftovers as clear_leftovers
-from graycard.synth.dataset._render import cost_of as cost_of
 from graycard.synth.dataset._render import find_scene as find_scene
 from graycard.synth.dataset._render import render_part as render_part
 from graycard.synth.dataset._render import render_scene as render_scene

@@ -6,10 +6,9 @@ from pathlib import Path
 from statistics import fmean
 
 from graycard import GraycardError
-from graycard.benchmarks._jobs import SCORING, ScoringCost
+from graycard.benchmarks._jobs import SCORING, CpuCost, rendering_cost
 from graycard.io import from_builtins, read_json
 from graycard.records import RunRecord, job_folder
-from graycard.synth import cost_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +115,13 @@ def outlook(
 
 
 def _measured(track: str, record: RunRecord, run: Path) -> Measured:
-    folders = [run / s.folder for s in record.scenes if s.track == track]
-    rendered = [cost.cpu_s for folder in folders if (cost := cost_of(folder)) is not None]
+    scenes = [scene for scene in record.scenes if scene.track == track]
+    rendered = [
+        cost.cpu_s for s in scenes if (cost := _cost(rendering_cost(run, track, s.scene))) is not None
+    ]
     jobs = [result for result in record.results if result.job.track == track and result.cost is not None]
     fits = [result.cost.cpu_s for result in jobs if result.cost and result.cost.cpu_s is not None]
-    scores = [cost.cpu_s for result in jobs if (cost := _scoring(job_folder(run, result))) is not None]
+    scores = [cost.cpu_s for result in jobs if (cost := _cost(job_folder(run, result) / SCORING)) is not None]
     for what, found in (("scene", rendered), ("fit", fits), ("set of scores", scores)):
         if not found:
             raise GraycardError(
@@ -134,15 +135,16 @@ def _measured(track: str, record: RunRecord, run: Path) -> Measured:
         fmean(rendered),
         fmean(fits),
         fmean(scores),
-        fmean(map(_size, folders)),
+        fmean(_size(run / scene.folder) for scene in scenes),
         fmean(_size(job_folder(run, result)) for result in jobs),
         max(result.cost.peak_memory_mib for result in jobs if result.cost),
     )
 
 
-def _scoring(folder: Path) -> ScoringCost | None:
+def _cost(path: Path) -> CpuCost | None:
+    """Return what a job took; None where nothing tells."""
     try:
-        return from_builtins(ScoringCost, read_json(folder / SCORING))
+        return from_builtins(CpuCost, read_json(path))
     except GraycardError:
         return None
 

@@ -6,9 +6,8 @@ each renders some of the missing pictures by :func:`render_part`, and :func:`ren
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -16,13 +15,11 @@ from uuid import uuid4
 from graycard import DatasetError, OutputError, Progress, RecordError
 from graycard.io import (
     file_lock,
-    from_builtins,
     read_json,
     read_manifest,
     remove_leftovers,
     silent,
     writable_folder,
-    write_json,
 )
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
@@ -50,20 +47,14 @@ from graycard.synth.families import family_of, scene_name
 from graycard.synth.renderer._variant import can_render, use_renderer
 
 
-@dataclass(frozen=True, slots=True)
-class RenderingCost:
-    """Cost of a scene that was rendered in one go."""
-
-    cpu_s: float
-    """Over all cores, seconds."""
-
-
 def render_scene(
     spec: SceneSpec,
     settings: RenderSettings,
     dataset: Path,
     progress: Progress = silent,
     threads: int | None = None,
+    *,
+    on_cost: Callable[[float], None] = lambda cpu_s: None,
 ) -> Path:
     """Render a scene into ``dataset/<track>/<scene>``, or find it there whole and leave it.
 
@@ -76,6 +67,7 @@ def render_scene(
         dataset: The dataset folder.
         progress: Told about each view.
         threads: Number of threads; None for one a core.
+        on_cost: Told the CPU time over all cores, seconds, of a scene that was rendered in one go.
 
     Returns:
         The scene folder.
@@ -91,7 +83,9 @@ def render_scene(
         writable_folder(place.final.parent)
         with file_lock(place.lock, lambda who: progress(0.0, f"{who} is at work on {place.scene}")):
             if find_scene(spec, settings, dataset) is None:
-                _make(place, spec, settings, progress, threads)
+                begun = time.process_time()
+                if _make(place, spec, settings, progress, threads):
+                    on_cost(time.process_time() - begun)
     progress(1.0, f"{place.scene} is there")
     return place.final
 
@@ -107,18 +101,6 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
     place = Place(Path(dataset), spec.track, scene_name(spec))
     found = _found_of_this_spec(place, spec, settings)
     return None if found is None or damage(place) else place.final
-
-
-def cost_of(scene: Path) -> RenderingCost | None:
-    """Return what it took to render a scene; None where it was not made in one go, or by an older version.
-
-    Args:
-        scene: ``DATASET/<track>/<scene>``.
-    """
-    place = Place(scene.parent.parent, scene.parent.name, scene.name)
-    with suppress(RecordError):
-        return from_builtins(RenderingCost, read_json(place.cost))
-    return None
 
 
 def clear_leftovers(dataset: Path) -> None:
@@ -207,9 +189,8 @@ def render_part(
 
 def _make(
     place: Place, spec: SceneSpec, settings: RenderSettings, progress: Progress, threads: int | None
-) -> None:
-    """Render what is missing, derive the rest, seal, and keep the cost of a scene that was made in one go."""
-    begun = time.process_time()
+) -> bool:
+    """Render what is missing, derive the rest, seal; return true where all pictures were missing."""
     stamp = _open(place, spec, settings, threads)
     content = _content(spec, settings)
     wanted = renderings(content, spec.seed, settings, stamp["variant"])
@@ -222,9 +203,7 @@ def _make(
         write_missing(rendering, truth)
     finish(place, content, stamp)
     promote(place)
-    place.cost.unlink(missing_ok=True)
-    if len(todo) == len(wanted):
-        write_json(place.cost, RenderingCost(time.process_time() - begun))
+    return len(todo) == len(wanted)
 
 
 def _open(place: Place, spec: SceneSpec, settings: RenderSettings, threads: int | None) -> dict[str, Any]:

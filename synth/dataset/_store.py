@@ -48,11 +48,6 @@ class Place:
         return self.work / "truth" / "stamp.json"
 
     @property
-    def cost(self) -> Path:
-        """The file that says what it took to render the scene; no part of it."""
-        return self.dataset / self.track / f".{self.scene}.cost.json"
-
-    @property
     def lock(self) -> Path:
         """The file that the process holds which makes the scene."""
         return self.dataset / self.track / f".{self.scene}.lock"

@@ -10,12 +10,13 @@ import pytest
 
 from graycard.benchmarks import FitSpec
 from graycard.benchmarks._fit import fit_scene
+from graycard.benchmarks._jobs import RenderJob, rendering_cost, run_render
 from graycard.benchmarks.planning import measured_costs, outlook
 from graycard.benchmarks.planning._outlook import Measured
 from graycard.cli import main
 from graycard.io import silent, write_json
 from graycard.records import Cost, RunRecord, job_folder, read_run
-from graycard.synth import cost_of
+from graycard.synth import RenderSettings, SceneSpec
 from valid_runs import write_valid_run
 
 COST = Measured("dark", 2, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
@@ -48,8 +49,9 @@ def run(tmp_path: Path, write_tiny: Callable[..., Path]) -> Path:
     run = write_valid_run(tmp_path / "run", write_tiny)
     record = read_run(run)
     for number, scene in enumerate(record.scenes):
-        folder = run / scene.folder
-        write_json(folder.parent / f".{folder.name}.cost.json", {"cpu_s": 100.0 + number})
+        path = rendering_cost(run, scene.track, scene.scene)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, {"cpu_s": 100.0 + number})
     results = []
     for number, result in enumerate(record.results):
         write_json(job_folder(run, result) / "scoring.json", {"cpu_s": 2.0})
@@ -81,7 +83,7 @@ def test_costs_are_means_of_what_a_run_measured(run: Path):
 
 def forget_scenes(run: Path, record: RunRecord) -> None:
     for scene in record.scenes:
-        (run / scene.folder).with_name(f".{scene.scene}.cost.json").unlink()
+        rendering_cost(run, scene.track, scene.scene).unlink()
 
 
 def forget_fits(run: Path, record: RunRecord) -> None:
@@ -127,8 +129,16 @@ def test_a_fit_tells_its_cpu_time(make_scene: Callable[..., Path], tmp_path: Pat
     assert cost.cpu_s >= 0.5
 
 
-def test_a_scene_without_a_measurement_has_no_cost(tmp_path: Path):
-    assert cost_of(tmp_path / "dark" / "corridor-0001") is None
-    (tmp_path / "dark").mkdir()
-    (tmp_path / "dark" / ".corridor-0001.cost.json").write_text("[]")
-    assert cost_of(tmp_path / "dark" / "corridor-0001") is None
+def test_a_scene_that_is_rendered_in_one_go_keeps_its_cost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    spec, settings = SceneSpec("dark", "corridor", 0), RenderSettings(20, 16, 3, 1, 16, 3)
+    job = RenderJob(spec, settings, tmp_path / "dataset", 1, tmp_path / "run")
+    assert run_render(job).reason == ""
+    path = rendering_cost(tmp_path / "run", "dark", "corridor-0000")
+    assert json.loads(path.read_text())["cpu_s"] > 0
+    assert [found.name for found in (tmp_path / "dataset" / "dark").iterdir()] == ["corridor-0000"]
+    path.unlink()
+    picture = tmp_path / "dataset" / "dark" / "corridor-0000" / "truth" / "views" / "train_000.exr"
+    picture.write_bytes(b"damaged")
+    assert run_render(job).reason == ""
+    assert not path.exists(), "one picture was missing alone"

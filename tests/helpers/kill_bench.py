@@ -234,7 +234,8 @@ def _fingerprints(run: Path) -> Iterator[tuple[str, str]]:
         name = path.relative_to(run).as_posix()
         if path.is_dir():
             continue
-        content = b"" if name.startswith("report/") else path.read_bytes()  # it shows times
+        shows_times = name.startswith(("report/", "rendering/")) or path.name == "scoring.json"
+        content = b"" if shows_times else path.read_bytes()
         yield name, hashlib.sha256(timed.get(path.name, bytes)(content)).hexdigest()
 
 

@@ -32,9 +32,9 @@ pytestmark = pytest.mark.usefixtures("no_llvm")
 
 
 def bits(folder: Path) -> dict[str, str]:
-    """Return hashes of the files below a folder, but for the CPU time that a rendering took."""
+    """Return hashes of the files below a folder."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    return {str(p.relative_to(folder)): sha256(p) for p in files if not p.name.endswith(".cost.json")}
+    return {str(p.relative_to(folder)): sha256(p) for p in files}
 
 
 @pytest.fixture(scope="session")
