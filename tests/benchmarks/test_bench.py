@@ -320,7 +320,7 @@ def broken_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[s
 BREAKS = {
     "Raises": "RuntimeError: no convergence (traceback in error.txt)",
     "Exits": "got SystemExit: 0",
-    "CannotWrite": "got OutputError: no room for a checkpoint",
+    "CannotWrite": "failed with OutputError: no room for a checkpoint",
     "Interrupts": "KeyboardInterrupt",
     "CannotSay": "(it cannot say what)",
     "NoText": "got ValueError: file ?",
