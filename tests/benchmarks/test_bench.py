@@ -319,11 +319,11 @@ def broken_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[s
 
 BREAKS = {
     "Raises": "RuntimeError: no convergence (traceback in error.txt)",
-    "Exits": "got SystemExit: 0",
+    "Exits": "failed with SystemExit: 0",
     "CannotWrite": "failed with OutputError: no room for a checkpoint",
     "Interrupts": "KeyboardInterrupt",
     "CannotSay": "(it cannot say what)",
-    "NoText": "got ValueError: file ?",
+    "NoText": "failed with ValueError: file ?",
 }
 
 
