@@ -231,6 +231,7 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "expected --until-decided with --max-scenes, got none" in said
     assert "expected --until-decided without --sealed, --budget, got both" in said
     assert main([*command, "--until-decided", "--max-scenes", "10", "--claims", claims]) == 0
-    looks, last = capsys.readouterr().out.strip().splitlines()[-2:]
+    shown = capsys.readouterr().out.strip().splitlines()
+    last, looks = shown[-1], next(line for line in shown if line.startswith("looks:"))
     assert looks.startswith(f"looks: 4 at {100 * level_up_to(10):.2f} % each, 8 of at most 10 scenes; every")
     assert last.startswith("bench: 28 jobs, 0 failures")

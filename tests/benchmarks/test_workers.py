@@ -117,7 +117,13 @@ def test_a_job_may_tell_its_progress() -> None:
     heard: list[tuple[float, str]] = []
     outcomes = run_all(report, range(2), 1, lambda done, what: heard.append((done, what)))
     assert [outcome.value for outcome in outcomes] == [False, False]
-    assert heard == [(0.25, "half of 0"), (0.5, "1 of 2"), (0.75, "half of 1"), (1.0, "2 of 2")]
+    assert heard == [
+        (0.0, "0 of 2"),
+        (0.25, "0 of 2: half of 0"),
+        (0.5, "1 of 2"),
+        (0.75, "1 of 2: half of 1"),
+        (1.0, "2 of 2"),
+    ]
     assert worker_progress() is silent
 
 

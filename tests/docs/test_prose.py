@@ -18,7 +18,7 @@ from prose import (
     words,
 )
 
-SINCE = "b52dd3395875a18d118c5c9ea9a44fc37b3060c6"
+SINCE = "157dc660dc5a70ab7b49dcd778044d94244f577f"
 """Commit after which subjects are held to the rule."""
 LONG = "word " * 45
 GOOD = "Return the depth. It is in metres.\n\n| a | b |\n| --- | --- |\n| short | cell |\n"

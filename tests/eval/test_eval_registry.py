@@ -24,6 +24,7 @@ from graycard.io import sha256, write_json, write_layers, write_manifest
 from graycard.predictions import finish_predictions
 from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecord, ScoreSheet
 from graycard.reports import write_report
+from opened import opened
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
@@ -92,7 +93,7 @@ def test_a_metric_in_a_file_of_its_own_stands_in_the_report(
 ) -> None:
     scene = tiny_scenes["dark"]
     sheet = ge.score_predictions(predict(scene, lighter), scene)
-    page = write_report(run_of(sheet, scene, tmp_path / "run")).read_text(encoding="utf-8")
+    page = opened(write_report(run_of(sheet, scene, tmp_path / "run")).read_text(encoding="utf-8"))
     assert "Albedo error, mean" in page
     assert "mean of |p - t| of base_color" in page
 
