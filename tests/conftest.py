@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
+import numba
 import pytest
 
 from graycard import TRACKS, MethodError, RenderError
@@ -28,6 +29,11 @@ CHEAP = {"run_python", "loaded", "in_process", "world"}
 
 
 @pytest.hookimpl(tryfirst=True)  # xdist's own hook reads the marks
+def pytest_sessionstart() -> None:
+    """Start Numba's threads: a test that sets their number and starts them would fix it for all after it."""
+    numba.get_num_threads()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Send tests that share a fixture to one worker of xdist: none is built twice. Begin with them.
 

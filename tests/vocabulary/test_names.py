@@ -120,6 +120,8 @@ FREE = {
     "Ledger.suite": "empty for tables that need no run, and only compared",
     "LedgerEntry.suite": "the same",
     "PriorSpec.path": "where a user's own weights are, from the command line or a suite of theirs",
+    "Command.folder": "where a user's own code is, from the command line or a suite of theirs",
+    "SuiteMethod.folder": "the same",
 }
 """Fields that are no checked type, each with why."""
 _READ = re.compile(
