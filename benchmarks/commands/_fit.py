@@ -30,7 +30,7 @@ from graycard.methods.confined import (
     ConfinedMethod,
     Introduction,
     Ran,
-    confine,
+    confined,
     end_of_file,
     take_files,
 )
@@ -106,7 +106,7 @@ def fit_command(
         reads = [Path(name).expanduser().absolute() for name in spec.command.reads]
         readable = (copies, *course.interpreter.readable, *reads)
         places = places_of(scratch, [spec.scene], {}, jobs, allowed=spec.allowed, readable=readable)
-        with confine(spec.method, "", scratch, places, progress) as process:
+        with confined(spec.method, scratch, places, progress, module="") as process:
             try:
                 ran = course.done(process)
             finally:

@@ -18,5 +18,4 @@ from graycard.methods.confined._saved import end_of_file as end_of_file
 from graycard.methods.confined._saved import take_files as take_files
 from graycard.methods.confined._server import serve as serve
 from graycard.methods.confined._start import SERVE as SERVE
-from graycard.methods.confined._start import confine as confine
 from graycard.methods.confined._start import confined as confined

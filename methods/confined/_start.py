@@ -28,54 +28,25 @@ def confined(
     *,
     serve: str = SERVE,
     kind: type[ConfinedMethod] = ConfinedMethod,
+    module: str | None = None,
 ) -> Iterator[ConfinedMethod]:
     """Return a process for the code of a method, which ends with the block.
 
     Args:
-        name: A registered name or ``module:attribute``.
+        name: A registered name or ``module:attribute``; with ``module`` any name, for messages.
         scratch: Folder of the process.
         places: What is open and what is closed to it.
         progress: Called now and then.
         label: Name in messages; that of the method if empty.
         serve: Function that the process runs, ``module:function``.
         kind: Class of what talks to it.
+        module: Module whose package the process may read; that of the method if None, none if empty.
 
     Raises:
         UnknownNameError: No method has this name.
         MethodError: It is offered twice, or the process cannot be started.
     """
-    told = progress, label
-    with confine(name, module_of(name), scratch, places, *told, serve=serve, kind=kind) as method:
-        yield method
-
-
-@contextmanager
-def confine(
-    name: str,
-    module: str,
-    scratch: Path,
-    places: Places,
-    progress: Progress = silent,
-    label: str = "",
-    *,
-    serve: str = SERVE,
-    kind: type[ConfinedMethod] = ConfinedMethod,
-) -> Iterator[ConfinedMethod]:
-    """Return a confined process for code of others, which ends with the block.
-
-    Args:
-        name: Of the method, or of what is run in its place.
-        module: Module whose package the process may read; empty for none.
-        scratch: As of :func:`confined`.
-        places: As of :func:`confined`.
-        progress: As of :func:`confined`.
-        label: As of :func:`confined`.
-        serve: As of :func:`confined`.
-        kind: As of :func:`confined`.
-
-    Raises:
-        MethodError: The process cannot be started.
-    """
+    code = module_of(name) if module is None else module
     try:
         process = started(serve)
     except OSError as cause:
@@ -86,7 +57,7 @@ def confine(
         variables = {SHARED_KERNELS: kernels, "NUMBA_CACHE_DIR": str(scratch / "kernels")}
         readable = (*places.readable, kernels, *linked_gpu_kernels(scratch / "home"))
         try:
-            process.confine(replace(places, readable=readable), module, variables)
+            process.confine(replace(places, readable=readable), code, variables)
         except ChannelError as cause:
             raise MethodError(
                 f"expected a process for {name!r}, got {cause}. {words_of_end(process.end())}"

@@ -20,7 +20,7 @@ from graycard.synth import RenderSettings, SceneSpec, all_families, render_scene
 ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 SEED = 1000
-"""Of tuning: no suite judges by it."""
+"""Seed of the scenes, one of tuning: no suite judges by it."""
 SETTINGS = RenderSettings(
     width=192, height=192, train_views=3, test_views=1, samples=144, relighting=False, composition=False
 )

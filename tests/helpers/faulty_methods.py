@@ -40,7 +40,7 @@ LAYERS = ("base_color", "depth", "normal", "radiance")
 
 @dataclass
 class Made:
-    """What is as true as can be."""
+    """Give a decomposition that is as true as can be."""
 
     method: str = "Right"
     with_target: bool = True
@@ -287,7 +287,7 @@ def _exposed(found: Arrays, camera: Camera) -> Any:
 
 
 EXPOSURE = 3.2564120292663574
-"""Of the tiny scene as the check writes it."""
+"""Exposure of the tiny scene as the check writes it."""
 
 FAULTS: dict[str, tuple[Any, str]] = {
     "no-method": (type("Method", (), {"summary": "x"}), "declaration"),

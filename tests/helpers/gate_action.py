@@ -65,7 +65,7 @@ class Runner:
 
     @property
     def summary(self) -> str:
-        """What steps have written for people."""
+        """Return the summary that steps have written for people."""
         path = self.home / "summary.md"
         return path.read_text() if path.exists() else ""
 

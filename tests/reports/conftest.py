@@ -3,13 +3,14 @@
 
 import math
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
 from graycard import EnvironmentLight, Light, Predictions, open_truth
 from graycard.io import sha256, write_json
@@ -27,6 +28,7 @@ from graycard.records import (
 )
 from graycard.reports import write_report
 from opened import opened
+from report_pages import CHROMIUM
 
 HOSTILE = "<script>window.broken = 1</script>"
 METHODS = (
@@ -166,6 +168,15 @@ def write_run(run: Path, scenes: dict[str, Path], seeds: tuple[int, ...] = (0,))
     )
     write_json(run / "run.json", record)
     return record
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """A headless browser for the tests of one module."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @pytest.fixture

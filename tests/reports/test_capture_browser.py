@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of an imported capture in a browser: first light, then layers beside the photograph."""
 
-import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
 from graycard.eval import score_photographs
 from graycard.reports import CaptureRow, write_capture_report
 from real_captures import import_tiny, predict_photographs
+from report_pages import CHROMIUM
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
 HALVES = """() => {
   const canvas = document.querySelector('.panes canvas');
@@ -23,14 +22,6 @@ HALVES = """() => {
   return [read(7), read(20)];
 }"""
 """Colours of a pixel left and right of the divider, of pictures of 28 x 24 pixels."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def test_a_capture_begins_with_light_and_shows_layers_beside_it(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page
 
 from graycard import open_truth, srgb_encode
 from graycard.io import write_json
@@ -54,14 +54,6 @@ SCENE = "track-1-scene-1"
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
-@pytest.fixture(scope="module")
 def path(tiny_run: Path) -> Path:
     return write_report(tiny_run)
 
@@ -94,7 +86,7 @@ def pixel(viewer: Locator, number: int, x: int, y: int) -> list[int]:
 
 
 def place_of(canvas: Locator) -> Any:
-    """Where a picture is in the window, once it is there."""
+    """Return the box of a picture in the window, once it is there."""
     canvas.scroll_into_view_if_needed()
     settle(canvas.page)
     return canvas.bounding_box()

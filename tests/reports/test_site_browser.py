@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The site of a ledger in a browser: silent, narrow, dark, by keyboard, and by the rules of axe-core."""
 
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from graycard.cli import main
 from graycard.reports.history._keep import OWN
+from report_pages import CHROMIUM
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
 PAGES = ("index", "claims", "leaderboards", "scenes", "methods", "submit", "history")
 SERIOUS = ("serious", "critical")
@@ -25,14 +23,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("browsed") / "site"
     assert main(["site", str(OWN / "matte"), "--out", str(out)]) == 0
     return out
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def opened(browser: Browser, path: Path, heard: list[str], scheme: str = "light", width: int = 420) -> Page:

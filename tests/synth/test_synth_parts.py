@@ -73,7 +73,7 @@ def test_a_part_is_rendered_again_by_nobody(tmp_path: Path):
 
 
 def test_two_at_the_same_picture_leave_one(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """As where a worker was thought to be lost. Pictures are copied: a process has one renderer alone."""
+    """Two workers meet where one was thought lost. Pictures are copied: a process has one renderer alone."""
     from graycard.synth.layers import _views  # Mitsuba: not before its variant is chosen
 
     source = whole / "tabletop" / scene_name(TABLE) / "truth" / "views"
