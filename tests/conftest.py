@@ -28,12 +28,12 @@ CHEAP = {"run_python", "loaded", "in_process", "world"}
 """Fixtures of a session that cost next to nothing."""
 
 
-@pytest.hookimpl(tryfirst=True)  # xdist's own hook reads the marks
 def pytest_sessionstart() -> None:
     """Start Numba's threads: a test that sets their number and starts them would fix it for all after it."""
     numba.get_num_threads()
 
 
+@pytest.hookimpl(tryfirst=True)  # xdist's own hook reads the marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Send tests that share a fixture to one worker of xdist: none is built twice. Begin with them.
 

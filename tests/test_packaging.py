@@ -109,3 +109,11 @@ def test_each_pin_is_one_that_all_installed_packages_allow():
             asked += 1
             assert wanted.specifier.contains(pin), f"{package.name} wants {wanted}, constraints.txt has {pin}"
     assert asked > 50
+
+
+@pytest.mark.xdist_group("packaging")
+def test_workers_are_told_which_tests_belong_together(request: pytest.FixtureRequest):
+    """pytest 9.2 hid it from pytest-xdist 3.8: each worker then built every shared fixture."""
+    if not request.config.getoption("loadgroup", False):
+        pytest.skip("needs workers, `pytest -n 2 --dist loadgroup`, as `make test` has them")
+    assert request.node.nodeid.endswith("@packaging")
