@@ -24,6 +24,9 @@ os.environ.setdefault(REAL_WEIGHTS, str(weights_home()))
 os.environ[HOME] = os.path.join(os.path.dirname(__file__), "no-weights-here")
 os.environ.pop(LPIPS_VARIABLE, None)
 
+THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Variables that a fit sets in its own process; Numba compiles nothing once its own has changed."""
+
 CHEAP = {"run_python", "loaded", "in_process", "world"}
 """Fixtures of a session that cost next to nothing."""
 
@@ -72,6 +75,18 @@ def shared_fixture(item: pytest.Item) -> str:
     if session:
         return "::".join(session[-1])  # of several the same one always, so that none is built by two workers
     return item.nodeid.partition("::")[0] if any(f.scope == "module" for f in ours) else ""
+
+
+@pytest.fixture(autouse=True)
+def threads_as_before() -> Iterator[None]:
+    """Put back the numbers of threads that a fit in this very process has set for all that is to come."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    yield
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 @pytest.fixture

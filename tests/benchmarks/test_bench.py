@@ -327,21 +327,13 @@ BREAKS = {
 }
 
 
-@pytest.fixture
-def threads(monkeypatch: pytest.MonkeyPatch) -> int:
-    """A number of threads for jobs that run in this very process, whose environment is put back."""
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        monkeypatch.setenv(name, "1")
-    return 1
-
-
 @pytest.mark.parametrize("name", BREAKS)
 def test_whatever_a_method_raises_fails_its_job(
-    make_scene: Callable[..., Path], tmp_path: Path, broken_module: str, threads: int, name: str
+    make_scene: Callable[..., Path], tmp_path: Path, broken_module: str, name: str
 ):
     scene, method = make_scene(), f"{broken_module}:{name}"
     job = Job("dark", scene.name, method, 0, {}, method)
-    outcome = run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads))
+    outcome = run_fit(FitJob(job, "hash", scene, tmp_path / "job", 1))
     assert BREAKS[name] in outcome.reason
     assert not outcome.fatal
     log = tmp_path / "job" / "error.txt"
@@ -349,14 +341,12 @@ def test_whatever_a_method_raises_fails_its_job(
     write_json(tmp_path / "record.json", outcome.reason)
 
 
-def test_where_the_run_cannot_be_written_it_ends(
-    make_scene: Callable[..., Path], tmp_path: Path, threads: int
-):
+def test_where_the_run_cannot_be_written_it_ends(make_scene: Callable[..., Path], tmp_path: Path):
     scene = make_scene()
     (tmp_path / "job").mkdir()
     (tmp_path / "job" / "predictions").write_text("in the way")
     job = Job("dark", scene.name, "gray", 0, {}, "gray")
-    assert run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads)).fatal
+    assert run_fit(FitJob(job, "hash", scene, tmp_path / "job", 1)).fatal
 
 
 def test_a_method_that_breaks_fails_alone(

@@ -125,11 +125,7 @@ def test_only_jobs_that_are_told_the_truth_depend_on_it(asker: str, make_scene: 
     assert planned(scene, rows[2])[0].job.priors == {}
 
 
-def test_a_job_hands_its_priors_on(
-    asker: str, make_scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
-):
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        monkeypatch.setenv(name, "1")
+def test_a_job_hands_its_priors_on(asker: str, make_scene: Callable[..., Path]):
     scene = make_scene()
     (job,) = planned(scene, SuiteMethod(asker, priors=PriorSpec("oracle")))
     assert run_fit(job).reason == ""

@@ -123,8 +123,6 @@ def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., P
     Returns:
         The names of scenes that were asked for, in order.
     """
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        patch.setenv(name, "1")  # fits set them
     patch.setattr(_runner, "run_all", _run_here)
     served_here(patch)
     asked: list[str] = []
