@@ -20,6 +20,7 @@ from graycard.reports.history._republish import republish_claims as republish_cl
 from graycard.reports.history._republish import republish_tables as republish_tables
 from graycard.reports.pictures._contact_sheet import contact_sheet as contact_sheet
 from graycard.reports.pictures._contact_sheet import write_contact_sheets as write_contact_sheets
+from graycard.reports.site._sources import beside_runs as beside_runs
 from graycard.reports.site._write import write_site as write_site
 from graycard.reports.summary._gate import GateCheck as GateCheck
 from graycard.reports.summary._gate import GateStatus as GateStatus

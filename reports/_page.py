@@ -45,8 +45,8 @@ class TrackSection:
     """Metrics of the leaderboard."""
     compared: Compared
     rows: tuple[MetricRow, ...]
-    silent: str
-    """Titles of the metrics that no method provides."""
+    quiet: tuple[MetricRow, ...]
+    """Of metrics that no method provides."""
     failures: tuple[Trouble, ...]
     scenes: tuple[SceneSection, ...]
 
@@ -164,7 +164,7 @@ def _track(record: RunRecord, run: Path, name: str, anchor: str, sources: _Sourc
     metrics = metrics_of(record, results)
     compared = compare_track(sources.comparison, record, name, metrics)
     board = leaderboard(record, results, headline_of(name, metrics), compared)
-    rows, silent = told_rows(metric_rows(results, board.methods, metrics))
+    rows, quiet = told_rows(metric_rows(results, board.methods, metrics, compared))
     seeds = len({r.job.seed for r in results})
     scenes = tuple(
         scene_section(
@@ -192,7 +192,7 @@ def _track(record: RunRecord, run: Path, name: str, anchor: str, sources: _Sourc
         ),
         compared=compared,
         rows=rows,
-        silent=silent,
+        quiet=quiet,
         failures=failures(results, metrics),
         scenes=scenes,
     )

@@ -69,8 +69,8 @@ class SceneSection:
     """Why there are no pictures."""
     faults: tuple[MethodFault, ...]
     rows: tuple[MetricRow, ...]
-    silent: str
-    """Titles of the metrics that no method provides."""
+    quiet: tuple[MetricRow, ...]
+    """Of metrics that no method provides."""
     spreads: tuple[Spread, ...]
     """Spread of base colour over published protocols; empty where none was asked for."""
     viewed: tuple[MethodHead, ...]
@@ -112,7 +112,7 @@ def scene_section(
     names = shown if kept is None or kept[0] is None else kept[0].methods
     drawn = tuple(m for m in here if names is None or m.name in names)
     pictures, reason, faults = kept or _pictures(run, scene, results, drawn)
-    rows, silent = told_rows(metric_rows(results, here, metrics))
+    rows, quiet = told_rows(metric_rows(results, here, metrics))
     return SceneSection(
         anchor=anchor,
         name=scene.scene,
@@ -122,7 +122,7 @@ def scene_section(
         reason=reason,
         faults=faults,
         rows=rows,
-        silent=silent,
+        quiet=quiet,
         spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
         viewed=drawn,
         view_rows=view_rows(results, drawn, metrics),

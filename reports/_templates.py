@@ -6,6 +6,7 @@ policy.
 import base64
 import hashlib
 import json
+import re
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -16,8 +17,9 @@ from graycard.reports.pictures._colour_maps import COLOUR_MAPS, colour_map
 from graycard.reports.pictures._pictures import gradient
 
 TEMPLATES = Path(__file__).parent / "templates"
-SCRIPTS = ("report.js", "tables.js", "viewer.js")
+SCRIPTS = ("report.js", "tables.js", "errors.js", "viewer.js")
 """In the order in which a page has them."""
+_TYPES = re.compile(r"[ \t]*/\*\*.*?\*/[ \t]*\n?", re.DOTALL)
 
 
 def page_style() -> str:
@@ -28,8 +30,8 @@ def page_style() -> str:
 
 
 def page_script() -> str:
-    """Return the script of a page with pictures."""
-    return "".join(map(asset, SCRIPTS))
+    """Return the script of a page with pictures, without the comments that are for its types."""
+    return _TYPES.sub("", "".join(map(asset, SCRIPTS)))
 
 
 def map_island() -> str:

@@ -34,7 +34,7 @@ class BoardRow:
     """A row of a leaderboard."""
 
     place: str
-    """Empty for a reference that is handed truth."""
+    """Empty for a variant, and for a reference that is handed truth."""
     method: str
     notes: tuple[str, ...]
     cells: tuple[BoardCell, ...]
@@ -65,6 +65,8 @@ class Board:
     heads: tuple[MetricHead, ...]
     leaders: tuple[Leader, ...]
     rows: tuple[BoardRow, ...]
+    left_out: tuple[str, ...]
+    """Titles of metrics that no competing method provides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +198,7 @@ def _board(record: RunRecord, comparison: Comparison, track: str, anchor: str) -
         board.metrics,
         tuple(_leader(head, compared) for head in board.metrics),
         tuple(_row(s, board.metrics, compared, units) for s in (*board.families, *board.references)),
+        tuple(head.title for head in board.left_out),
     )
 
 

@@ -20,6 +20,7 @@ from graycard.records import (
 from graycard.reports.history._reasons import Reasons, load_reasons
 from graycard.reports.site._anchors import Anchors
 
+RUN_FILE = "run.json"
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""
 _ANCHOR = re.compile(rb'\b(?:id="|href="#)(claim-[^"]+)"')
@@ -56,17 +57,32 @@ class Kept:
 def published_runs(places: Sequence[Path]) -> tuple[Published, ...]:
     """Return the published runs at some places, each a published folder or one that holds such.
 
+    A run that is named twice is there once. Files beside runs are left out: see :func:`beside_runs`.
+
     Raises:
         RecordError: A place holds none, two have one name, or a ledger is damaged.
     """
-    folders = [folder for place in places for folder in _folders_at(Path(place))]
+    beside = beside_runs(places)
+    found = [folder for place in places if place not in beside for folder in _folders_at(Path(place))]
+    folders = list({folder.resolve(): folder for folder in found}.values())
     names = [folder.resolve().name for folder in folders]
-    if not folders or len({*names}) < len(names):
+    if not folders:
+        raise RecordError("expected published runs, got none. Make one: `graycard publish`")
+    if twice := sorted(str(folder) for folder in folders if names.count(folder.resolve().name) > 1):
         raise RecordError(
-            f"expected published runs of different names, got {', '.join(names) or 'none'}. Rename a folder"
+            f"expected published runs of different names, got {', '.join(twice)}. Rename a folder"
         )
     anchors = Anchors()
     return tuple(_published(folder, anchors) for folder in folders)
+
+
+def beside_runs(places: Iterable[Path]) -> tuple[Path, ...]:
+    """Return the places that are files beside published runs, as ``published/*`` of a shell gives them."""
+    return tuple(
+        place
+        for place in places
+        if Path(place).is_file() and any(map(_is_run, _folders_in(Path(place).absolute().parent)))
+    )
 
 
 def histories(runs: Iterable[Published]) -> tuple[Kept, ...]:
@@ -96,14 +112,22 @@ def tables_of(kept: Iterable[Kept]) -> tuple[Ledger, ...]:
 
 
 def _folders_at(place: Path) -> list[Path]:
-    if is_published(place):
+    if _is_run(place):
         return [place]
-    inside = sorted(path for path in place.iterdir() if path.is_dir()) if place.is_dir() else []
-    if found := [path for path in inside if is_published(path)]:
+    if found := [path for path in _folders_in(place) if _is_run(path)]:
         return found
     raise RecordError(
         f"expected a published run, or a folder of such, at {place}, got none. Make one: `graycard publish`"
     )
+
+
+def _is_run(folder: Path) -> bool:
+    """Return true for a published run; false for other pages, as an earlier site beside it."""
+    return is_published(folder) and (folder / RUN_FILE).is_file()
+
+
+def _folders_in(place: Path) -> list[Path]:
+    return sorted(path for path in place.iterdir() if path.is_dir()) if place.is_dir() else []
 
 
 def _published(folder: Path, taken: Anchors) -> Published:

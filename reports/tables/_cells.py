@@ -4,13 +4,18 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from graycard.records import JobResult, Score
 from graycard.reports._format import format_name, format_value
 from graycard.reports._scores import find_score
 from graycard.reports.tables._intervals import IntervalPlot
+
+LIGHTS, MISSING, EXTRA = "light.", "light.missing", "light.extra"
+"""Metrics of single lights, and those that count lights without a partner."""
+POSITION = "light.position"
+"""The metric by which a light without a partner counts 100 % in the mean over the larger number of lights."""
 
 CellStatus = Literal["scored", "failed", "not provided", "not run"]
 
@@ -27,6 +32,9 @@ class Reading:
     interval: tuple[float, float] | None = None
     reason: str = ""
     breakdown: Mapping[str, float] = field(default_factory=dict)
+    unpaired: tuple[float, float, float] | None = None
+    """Lights that are missing, those that are too many, and what of the value they make, or 0 where that is
+    not known; None for what is no score of single lights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +54,10 @@ class Cell:
     """Plot of the mean with its interval; None where scores of one scene stand."""
     lacks: tuple[str, ...] = ()
     """Those notes that say which jobs or scenes are not in the mean; empty where all are."""
+    interval: tuple[str, str] | None = None
+    """The ends of its 95 % interval; None where there is none."""
+    unpaired: str = ""
+    """Lights without a partner in words, which weigh in the value; empty where all have one."""
 
 
 def read_metric(result: JobResult, metric: str) -> Reading:
@@ -56,7 +68,7 @@ def read_metric(result: JobResult, metric: str) -> Reading:
     score = find_score(result, metric)
     if score is None:
         return Reading(scene, "not provided", reason="this scene has no such score")
-    return _reading_of(scene, score)
+    return replace(_reading_of(scene, score), unpaired=_unpaired(result, score))
 
 
 def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell:
@@ -124,14 +136,40 @@ def _scored_cell(scored: Sequence[Reading], expected: int, unit: str, detailed: 
     value = mean_over_scenes((r.scene, r.value) for r in scored if r.value is not None)
     lacks = (f"{len(scored)} of {expected} scored",) if len(scored) < expected else ()
     details = _details(scored[0], unit) if detailed and expected == 1 else ()
+    ends = scored[0].interval if expected == 1 else None
+    unpaired = _unpaired_words(scored, unit)
     return Cell(
         "scored",
         format_value(value, unit),
         value,
-        (*lacks, *_ceiling(scored, unit), *details),
+        (*lacks, *([unpaired] if unpaired else []), *_ceiling(scored, unit), *details),
         complete=not lacks,
         lacks=lacks,
+        interval=None if ends is None else (format_value(ends[0], unit), format_value(ends[1], unit)),
+        unpaired=unpaired,
     )
+
+
+def _unpaired(result: JobResult, score: Score) -> tuple[float, float, float] | None:
+    """Return how many lights have no partner, beside a score that counts each of them in full."""
+    counts = [found.value for name in (MISSING, EXTRA) if (found := find_score(result, name))]
+    if not score.metric.startswith(LIGHTS) or score.metric in (MISSING, EXTRA) or len(counts) < 2:
+        return None
+    missing, extra = (number or 0.0 for number in counts)
+    lights = score.expected + extra
+    due = 100 * (missing + extra) / lights if score.metric == POSITION and lights else 0.0
+    return missing, extra, due
+
+
+def _unpaired_words(scored: Sequence[Reading], unit: str) -> str:
+    found = [(r.scene, r.unpaired) for r in scored if r.unpaired is not None]
+    if not found:
+        return ""
+    missing, extra, due = (mean_over_scenes((scene, own[i]) for scene, own in found) for i in range(3))
+    told = [f"{number:.2g} {word}" for number, word in ((missing, "missing"), (extra, "extra")) if number]
+    noun = "light" if missing + extra == 1 else "lights"
+    part = f"{format_value(due, unit)} by " if due else ""
+    return f"{part}{', '.join(told)} {noun}" if told else ""
 
 
 def _ceiling(scored: Sequence[Reading], unit: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from graycard.records import Comparison, MethodStanding, MetricComparison, MetricRecord, RunRecord
+from graycard.reports._format import format_value
 from graycard.reports.tables._cells import Cell, mean_over_scenes, read_metric
 from graycard.reports.tables._intervals import Axis, axis_of_standings, interval_plot
 from graycard.reports.tables._verdicts import LeaderVerdict, judge, judge_without_intervals, standing_note
@@ -20,6 +21,8 @@ class Compared:
     """By metric and method."""
     axes: Mapping[str, Axis | None]
     """By metric: of its interval plots. Variants may lie beyond."""
+    units: Mapping[str, str]
+    """By metric."""
 
     def dress(self, cell: Cell, metric: str, method: str) -> Cell:
         """Return a cell with its interval plot, and with the verdict in words where it concerns
@@ -30,7 +33,16 @@ class Compared:
             return cell
         note = standing_note(standing, self.verdicts[metric])
         notes = (note, *cell.notes) if note else cell.notes
-        return replace(cell, notes=notes, plot=interval_plot(standing, self.axes[metric]))
+        plot = interval_plot(standing, self.axes[metric])
+        return replace(self.bound(cell, metric, method), notes=notes, plot=plot)
+
+    def bound(self, cell: Cell, metric: str, method: str) -> Cell:
+        """Return a cell of a mean with the ends of its interval, where that is known."""
+        standing = self.standings.get((metric, method))
+        if standing is None or standing.interval is None or cell.status != "scored":
+            return cell
+        low, high = (format_value(end, self.units[metric]) for end in standing.interval)
+        return replace(cell, interval=(low, high))
 
 
 def compare_track(
@@ -58,7 +70,7 @@ def compare_track(
             if found and comparison
             else judge_without_intervals(metric, methods, variants)
         )
-    return Compared(verdicts, standings, axes)
+    return Compared(verdicts, standings, axes, {metric.id: metric.unit for metric in metrics})
 
 
 def _find(comparison: Comparison | None, track: str, metric: str) -> MetricComparison | None:

@@ -37,8 +37,10 @@ class Standing:
 
     method: MethodHead
     place: int | None
-    """None for a reference, which is never ranked."""
+    """Among methods with their own settings; None for references and variants, which are never ranked."""
     cells: tuple[Cell, ...]
+    quiet: tuple[Cell, ...] = ()
+    """Of metrics that are left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Leaderboard:
     axes: tuple[tuple[str, str] | None, ...] = ()
     """The ends of the axis of the interval plots, by metric."""
     left_out: tuple[MetricHead, ...] = ()
-    """Headline metrics that no competing method provides: they have no column."""
+    """Headline metrics that no competing method provides: their columns are hidden."""
 
     @property
     def families(self) -> tuple[Standing, ...]:
@@ -111,10 +113,10 @@ def metrics_of(record: RunRecord, results: Sequence[JobResult]) -> tuple[MetricR
     return tuple(sorted(found, key=lambda m: groups.index(m.group)))
 
 
-def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], str]:
-    """Return the rows that say something, and the titles of those that no method provides."""
-    quiet = [r for r in rows if not any(map(_provides, r.cells))]
-    return tuple(r for r in rows if r not in quiet), ", ".join(r.metric.title for r in quiet)
+def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], tuple[MetricRow, ...]]:
+    """Return the rows that say something, and those of metrics that no method provides."""
+    quiet = tuple(r for r in rows if not any(map(_provides, r.cells)))
+    return tuple(r for r in rows if r not in quiet), quiet
 
 
 def leaderboard(
@@ -128,7 +130,8 @@ def leaderboard(
     Only methods with a job among ``results`` have a row. A cell without the whole count of scenes
     takes the last place: to fail a hard scene must not pay. A column that one method alone provides does
     not count: it would give that method a first place without a rival, and all others the last.
-    Variants have places, and are never marked as best, as they lead in no verdict.
+    Variants have no place and are never marked as best, as they lead in no verdict: another setting of one
+    method must not push the others down. Below their method they stand by their mean place among all rows.
     """
     heads = _heads(record, results)
     rivals = [h for h in heads if not h.sees]
@@ -136,12 +139,15 @@ def leaderboard(
     plain = {m: _column(_readings(results, m), heads, m) for m in shown}
     columns = {m: {h: compared.dress(c, m.id, h.name) for h, c in plain[m].items()} for m in shown}
     rows = {h: tuple(columns[m][h] for m in shown) for h in heads}
-    counted = [sum(_provides(columns[m][h]) for h in rivals) > 1 for m in shown]
-    places = {m: _places({h: columns[m][h] for h in rivals}, m.higher_is_better) for m in shown}
+    left_out = [m for m in headline if m not in shown]
+    silent = [_column(_readings(results, m), heads, m) for m in left_out]
+    quiet = {h: tuple(column[h] for column in silent) for h in heads}
+    own = [h for h in rivals if not h.variant_of]
+    counted = [sum(_provides(columns[m][h]) for h in own) > 1 for m in shown]
     best = {m: _best(columns[m], m.higher_is_better) for m in shown}
-    told = [m for m, counts in zip(shown, counted, strict=True) if counts]
-    order = {h: sum(places[m][h] for m in told) / max(len(told), 1) for h in rivals}
-    ranked = sorted(rivals, key=lambda h: order[h])
+    told = {m: columns[m] for m, counts in zip(shown, counted, strict=True) if counts}
+    among_all, order = _mean_places(told, rivals), _mean_places(told, own)
+    ranked = sorted(rivals, key=lambda h: order.get(h, among_all[h]))
     return Leaderboard(
         tuple(
             replace(metric_head(m), here=_range_of(columns[m], m.higher_is_better), counts=counts)
@@ -150,25 +156,38 @@ def leaderboard(
         tuple(
             Standing(
                 h,
-                _rank(order[h], order.values()),
+                _rank(order[h], order.values()) if h in order else None,
                 tuple(replace(columns[m][h], best=h in best[m]) for m in shown),
+                quiet[h],
             )
             for h in ranked
         ),
-        tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
+        tuple(Standing(h, None, cells, quiet[h]) for h, cells in rows.items() if h.sees),
         tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in shown),
-        tuple(metric_head(m) for m in headline if m not in shown),
+        tuple(replace(metric_head(m), counts=False) for m in left_out),
     )
 
 
 def metric_rows(
-    results: Sequence[JobResult], methods: Sequence[MethodHead], metrics: Sequence[MetricRecord]
+    results: Sequence[JobResult],
+    methods: Sequence[MethodHead],
+    metrics: Sequence[MetricRecord],
+    compared: Compared | None = None,
 ) -> tuple[MetricRow, ...]:
-    """Every metric against every method, the best competing value marked."""
+    """Every metric against every method, the best competing value marked.
+
+    Args:
+        results: Of the jobs.
+        methods: All of them.
+        metrics: All of them.
+        compared: Methods over the scenes of a track, whose means have intervals; None for a single scene.
+    """
     rows = []
     for metric in metrics:
         readings = _readings(results, metric)
         cells = _column(readings, methods, metric, detailed=True)
+        if compared:
+            cells = {h: compared.bound(cell, metric.id, h.name) for h, cell in cells.items()}
         best = _best(cells, metric.higher_is_better)
         parts, rules = _breakdowns(readings, methods, metric)
         head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
@@ -326,6 +345,14 @@ def _best(column: Mapping[MethodHead, Cell], higher_is_better: bool) -> set[Meth
     """Return the methods with the best whole mean of a column, no reference and no variant among them."""
     own = {h: c for h, c in column.items() if not h.sees and not h.variant_of}
     return {h for h, place in _places(own, higher_is_better).items() if place == 1 and own[h].complete}
+
+
+def _mean_places(
+    columns: Mapping[MetricRecord, Mapping[MethodHead, Cell]], heads: Sequence[MethodHead]
+) -> dict[MethodHead, float]:
+    """Return the mean place of each of some methods over columns, among themselves."""
+    places = [_places({h: cells[h] for h in heads}, m.higher_is_better) for m, cells in columns.items()]
+    return {h: sum(found[h] for found in places) / max(len(places), 1) for h in heads}
 
 
 def _places(column: Mapping[MethodHead, Cell], higher_is_better: bool) -> dict[MethodHead, int]:

@@ -49,6 +49,7 @@ async function dress(root, id) {
     for (const image of images) image.setAttribute("href", `data:image/webp;base64,${blobs[image.getAttribute("data-blob") ?? ""]}`);
   }
   for (const table of root.querySelectorAll("table")) if (table.matches(".scores")) dressTable(table, id);
+  for (const button of root.querySelectorAll("[data-shows]")) if (button instanceof HTMLElement) makeShow(button);
   applyRows(root);
   for (const place of root.querySelectorAll(".viewer")) if (place instanceof HTMLElement) await buildViewer(place);
 }

@@ -57,32 +57,60 @@ function makeSortable(table) {
   });
 }
 
-/** Cells that are seen, as text. @param {HTMLTableElement} table @returns {string[][]} */
+/**
+ * A cell as it is copied: its text, what of that is no value, and the ends of its interval.
+ * @typedef {{ text: string, best?: boolean, lacks?: string, low?: string, high?: string }} Copied
+ */
+
+/** @param {HTMLTableCellElement} cell @returns {Copied} */
+function copied(cell) {
+  const lacks = [...cell.querySelectorAll(".lacks")].map((note) => note.textContent).join("; ");
+  return { text: textOf(cell), best: cell.classList.contains("best"), lacks, low: cell.dataset.low, high: cell.dataset.high };
+}
+
+/** Cells that are seen. @param {HTMLTableElement} table @returns {Copied[][]} */
 function seenCells(table) {
   const rows = [...table.rows].filter((row) => row.offsetParent !== null && !row.classList.contains("axes"));
-  return rows.map((row) => [...row.cells].filter((cell) => cell.offsetParent !== null).map(textOf));
+  return rows.map((row) => [...row.cells].filter((cell) => cell.offsetParent !== null).map(copied));
+}
+
+/** A column of means with intervals as value, low and high, and as a note where a mean lacks something.
+ * @param {Copied[][]} rows @returns {string[][]} */
+function withIntervals(rows) {
+  const [, ...body] = rows;
+  const wide = rows[0].map((_, column) => body.some((cells) => cells[column]?.low !== undefined));
+  const noted = rows[0].map((_, column) => wide[column] && body.some((cells) => cells[column]?.lacks));
+  return rows.map((cells, index) => cells.flatMap((cell, column) => {
+    if (!wide[column]) return [cell.text];
+    const note = (/** @type {string} */ text) => (noted[column] ? [text] : []);
+    if (!index) return [...["value", "low", "high"].map((end) => `${cell.text}: ${end}`), ...note(`${cell.text}: note`)];
+    return [cell.lacks ? cell.text.replace(/ \(.*/, "") : cell.text, cell.low ?? "", cell.high ?? "", ...note(cell.lacks ?? "")];
+  }));
 }
 
 /** Text that no spreadsheet takes for a formula, as names may begin like one; numbers stay. @param {string} text */
 const inert = (text) => (/^[=+@]|^-(?![\d.\u221e][^=+@!|*/^&"'<>:]*$)/.test(text) ? `'${text}` : text);
 
-/** @type {Record<string, (rows: string[][], caption: string) => string>} */
+/** Markdown and LaTeX have what is seen, the best in bold; CSV has intervals as well.
+ * @type {Record<string, (rows: Copied[][], caption: string) => string>} */
 const WRITERS = {
   markdown(rows) {
-    const line = (/** @type {string[]} */ cells) => `| ${cells.map((cell) => cell.replace(/[\\|<>*`[\]]/g, "\\$&")).join(" | ")} |`;
+    const safe = (/** @type {Copied} */ cell) => cell.text.replace(/[\\|<>*`[\]]/g, "\\$&");
+    const line = (/** @type {Copied[]} */ cells) => `| ${cells.map((cell) => (cell.best ? `**${safe(cell)}**` : safe(cell))).join(" | ")} |`;
     const [head, ...body] = rows;
-    return [line(head), line(head.map(() => "---")), ...body.map(line)].join("\n");
+    return [line(head), `| ${head.map(() => "---").join(" | ")} |`, ...body.map(line)].join("\n");
   },
   csv(rows) {
     const quoted = (/** @type {string} */ cell) => (/[",\n]/.test(cell) ? `"${cell.replace(/"/g, '""')}"` : cell);
-    return rows.map((cells) => cells.map((cell) => quoted(inert(cell.replaceAll("\u2212", "-")))).join(",")).join("\n");
+    return withIntervals(rows).map((cells) => cells.map((cell) => quoted(inert(cell.replaceAll("\u2212", "-")))).join(",")).join("\n");
   },
   latex(rows, caption) {
     /** @type {Record<string, string>} */
     const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "σ": "$\\sigma$", "Δ": "$\\Delta$", "→": "$\\to$", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
-    const safe = (/** @type {string} */ cell) => cell.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²σΔ→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
-    const [head, ...body] = rows.map((cells) => `${cells.map(safe).join(" & ")} \\\\`);
-    return [`\\begin{tabular}{${rows[0].map((_, column) => (rows.slice(1).some((cells) => /^[A-Za-z]/.test(cells[column] ?? "") && cells[column] !== "failed") ? "l" : "r")).join("")}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
+    const safe = (/** @type {Copied} */ { text }) => text.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²σΔ→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
+    const shown = (/** @type {Copied} */ cell) => (cell.best ? `\\textbf{${safe(cell)}}` : safe(cell));
+    const [head, ...body] = rows.map((cells) => `${cells.map(shown).join(" & ")} \\\\`);
+    return [`\\begin{tabular}{${rows[0].map((_, column) => (rows.slice(1).some((cells) => /^[A-Za-z]/.test(cells[column]?.text ?? "") && cells[column].text !== "failed") ? "l" : "r")).join("")}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
   },
 };
 
@@ -99,6 +127,16 @@ async function copyText(text) {
     area.remove();
   }
   document.body.dataset.copied = text;
+}
+
+/** Show or hide what nobody provides. @param {HTMLElement} button */
+function makeShow(button) {
+  button.addEventListener("click", () => {
+    const shown = button.getAttribute("aria-expanded") !== "true";
+    document.getElementById(button.dataset.shows ?? "")?.classList.toggle("shows-nobody", shown);
+    button.setAttribute("aria-expanded", String(shown));
+    button.textContent = shown ? "Hide" : "Show";
+  });
 }
 
 /** @param {HTMLTableElement} table @param {string} part */

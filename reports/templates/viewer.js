@@ -17,6 +17,8 @@ const STEP = Number(document.body.dataset.step);
 const LEVELS = Number(document.body.dataset.levels);
 const NO_NUMBER = 65535;
 const TRUTH = -1;
+/** What the map of a unit shows. @type {Record<string, string>} */
+const ERRORS = { degrees: "Angle", "display difference": "Error, largest channel", "linear difference": "Error, largest channel" };
 const KEYS = "Keys: 0 truth, 1 to 9 rows, Space swaps, E error, M mode, arrows move the pixel that is read, plus and minus zoom";
 
 /** Display value in [0, 1] of linear light, IEC 61966-2-1. @param {number} x */
@@ -147,6 +149,9 @@ function element(name = "span", text = "", kind = "") {
   return made;
 }
 
+/** @param {Picture} picture */
+const keyOf = (picture) => `${picture.webp} ${picture.low} ${picture.high} ${picture.code}`;
+
 class Viewer {
   /** @param {HTMLElement} root @param {Gallery} gallery @param {string[]} names @param {Record<string, string>} blobs @param {string} truthName */
   constructor(root, gallery, names, blobs, truthName) {
@@ -166,7 +171,10 @@ class Viewer {
     this.right = 0;
     this.mode = "split";
     this.error = false;
-    this.noise = false;
+    /** Map of errors: ``error`` and ``noise`` lie in the page, the others are computed. */
+    this.measure = "error";
+    /** @type {Map<string, Maps | undefined>} */
+    this.maps = new Map();
     this.divider = 50;
     this.stops = 0;
     this.zoom = 0;
@@ -197,8 +205,29 @@ class Viewer {
   /** @param {number} row @returns {Tile | undefined} */
   tileOf(row) { return row === TRUTH ? this.shown?.truth : this.shown?.predictions[row]; }
 
-  /** @param {number} row @returns {Tile | undefined} */
-  errorOf(row) { return row === TRUTH ? undefined : (this.noise && this.shown?.noise_ratios.length ? this.shown.noise_ratios : this.shown?.errors)?.[row]; }
+  /** A map that lies in the page. @param {number} row @returns {Tile | undefined} */
+  errorOf(row) { return row === TRUTH ? undefined : (this.measure === "noise" ? this.shown?.noise_ratios : this.shown?.errors)?.[row]; }
+
+  /** The maps that are computed; undefined until they are, and for one that lies in the page. @returns {Maps | undefined} */
+  computed() {
+    const [measure, title] = [MEASURES[this.measure], this.shown?.title ?? ""];
+    if (!measure) return undefined;
+    const key = `${this.measure} ${title}`;
+    if (!this.maps.has(key)) {
+      this.maps.set(key, undefined);
+      computeMaps(this.gallery.views, title, measure, (picture) => this.decoded(picture)).then((maps) => { this.maps.set(key, maps); this.arrange(); });
+    }
+    return this.maps.get(key);
+  }
+
+  /** @param {number} row @returns {Drawn | undefined} */
+  errorDrawn(row) { return MEASURES[this.measure] ? this.computed()?.drawn.get(`${this.view} ${row}`) : this.drawnOf(this.errorOf(row)?.picture); }
+
+  /** @param {number} row */
+  errorNote(row) {
+    const mean = this.computed()?.means.get(`${this.view} ${row}`);
+    return mean === undefined ? this.errorOf(row)?.note ?? "" : `mean ${shortNumber(mean)}`;
+  }
 
   /** @param {number} row */
   nameOf(row) { return row === TRUTH ? this.truthName : this.names[row]; }
@@ -206,13 +235,20 @@ class Viewer {
   /** A decoded picture; one that is not yet is fetched and drawn later. @param {Picture | null | undefined} picture @returns {Drawn | undefined} */
   drawnOf(picture) {
     if (!picture) return undefined;
-    const key = `${picture.webp} ${picture.low} ${picture.high} ${picture.code}`;
-    if (!this.decoding.has(key)) {
-      const coming = decode(picture, this.blobs);
+    this.decoded(picture);
+    return this.ready.get(keyOf(picture));
+  }
+
+  /** @param {Picture} picture @returns {Promise<Drawn>} */
+  decoded(picture) {
+    const key = keyOf(picture);
+    let coming = this.decoding.get(key);
+    if (!coming) {
+      coming = decode(picture, this.blobs);
       this.decoding.set(key, coming);
       coming.then((drawn) => { this.ready.set(key, drawn); this.redraw(); });
     }
-    return this.ready.get(key);
+    return coming;
   }
 
   /** @param {string} kind */
@@ -229,8 +265,9 @@ class Viewer {
     this.input("divider").addEventListener("input", () => { this.divider = this.input("divider").valueAsNumber; this.redraw(); });
     this.input("exposure").addEventListener("input", () => { this.stops = this.input("exposure").valueAsNumber; this.redraw(); });
     this.input("zoom").addEventListener("input", () => { this.zoom = this.input("zoom").valueAsNumber; this.redraw(); });
-    need(root, ".measure", HTMLSelectElement).addEventListener("change", (event) => { this.noise = /** @type {HTMLSelectElement} */ (event.target).value === "noise"; this.arrange(); });
+    need(root, ".measure", HTMLSelectElement).addEventListener("change", (event) => { this.measure = /** @type {HTMLSelectElement} */ (event.target).value; this.arrange(); });
     need(root, ".reset", HTMLButtonElement).addEventListener("click", () => this.reset());
+    need(root, ".more-layers", HTMLButtonElement).addEventListener("click", () => this.showNobody(!need(root, ".tabs", HTMLElement).classList.contains("shows-nobody")));
     this.stage.addEventListener("keydown", (event) => this.key(event));
     new ResizeObserver(() => this.redraw()).observe(this.stage);
   }
@@ -271,7 +308,7 @@ class Viewer {
     canvas.getContext("2d")?.drawImage(drawn.draw(0), 0, 0);
   }
 
-  /** Layers that no row provides come last, and are marked. */
+  /** Layers that no row provides come last, and are hidden until they are asked for. */
   drawTabs() {
     const tabs = need(this.root, ".tabs", HTMLElement);
     tabs.replaceChildren();
@@ -282,12 +319,11 @@ class Viewer {
       tab.type = "button";
       tab.setAttribute("role", "tab");
       tab.dataset.layer = String(index);
-      if (!given) tab.append(element("span", " provided by no row", "note"));
       tab.addEventListener("click", () => { this.layer = index; this.arrange(); });
       tab.addEventListener("keydown", (event) => {
         const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
         if (!step) return;
-        const all = /** @type {HTMLElement[]} */ ([...tabs.children]);
+        const all = /** @type {HTMLElement[]} */ ([...tabs.children]).filter((other) => other.offsetParent !== null);
         const next = all[(all.indexOf(tab) + step + all.length) % all.length];
         next.click();
         next.focus();
@@ -295,6 +331,19 @@ class Viewer {
       });
       tabs.append(tab);
     }
+    const hidden = told.filter(({ given }) => !given).length;
+    const more = need(this.root, ".more-layers", HTMLButtonElement);
+    more.hidden = !hidden;
+    more.dataset.words = `${hidden} ${hidden === 1 ? "layer" : "layers"} that no row provides`;
+    this.showNobody(tabs.classList.contains("shows-nobody"));
+  }
+
+  /** @param {boolean} shown */
+  showNobody(shown) {
+    const more = need(this.root, ".more-layers", HTMLButtonElement);
+    need(this.root, ".tabs", HTMLElement).classList.toggle("shows-nobody", shown);
+    more.textContent = `${shown ? "Hide" : "Show"} ${more.dataset.words}`;
+    more.setAttribute("aria-expanded", String(shown));
   }
 
   chooseFirst() {
@@ -317,6 +366,7 @@ class Viewer {
     for (const tab of root.querySelectorAll("[role=tab]")) {
       const chosen = Number(/** @type {HTMLElement} */ (tab).dataset.layer) === this.layer;
       tab.setAttribute("aria-selected", String(chosen));
+      if (chosen && tab.classList.contains("nobody")) this.showNobody(true);
       /** @type {HTMLElement} */ (tab).tabIndex = chosen ? 0 : -1;
     }
     for (const button of root.querySelectorAll("[data-mode]")) {
@@ -343,23 +393,32 @@ class Viewer {
   }
 
   fillMeasures() {
+    const layer = /** @type {Layer} */ (this.shown);
     const select = need(this.root, ".measure", HTMLSelectElement);
-    const noise = Boolean(this.shown?.noise_ratios.length);
-    if (!noise) this.noise = false;
-    const options = [new Option(`Error, ${this.shown?.error_scale.unit}`, "error")];
-    if (noise) options.push(new Option("Error over the noise of the truth", "noise"));
+    const options = [new Option(ERRORS[layer.error_scale.unit] ?? "Error", "error")];
+    if (layer.truth.picture) for (const [name, { title, fits }] of Object.entries(MEASURES)) if (fits(layer)) options.push(new Option(title, name));
+    if (layer.noise_ratios.length) options.push(new Option("Error over noise", "noise"));
+    if (!options.some(({ value }) => value === this.measure)) this.measure = "error";
     select.replaceChildren(...options);
-    select.value = this.noise ? "noise" : "error";
-    const scale = this.noise ? this.shown?.noise_scale : this.shown?.error_scale;
+    select.value = this.measure;
     const values = need(this.root, ".of-values", HTMLElement);
-    const ends = this.shown?.value_scale;
+    const ends = layer.value_scale;
     values.hidden = !ends;
     need(values, ".low", HTMLElement).textContent = ends?.low ?? "";
     need(values, ".high", HTMLElement).textContent = `${ends?.high ?? ""} ${ends?.unit === "1" ? "" : ends?.unit ?? ""}`;
     const box = need(this.root, ".of-errors", HTMLElement);
-    need(box, ".high", HTMLElement).textContent = `${scale?.high} ${scale?.unit}`;
-    box.hidden = !this.shown?.errors.length;
-    need(this.root, ".measures", HTMLElement).hidden = !this.shown?.errors.length;
+    need(box, ".high", HTMLElement).textContent = this.errorEnd();
+    box.hidden = !layer.errors.length;
+    need(this.root, ".measures", HTMLElement).hidden = !layer.errors.length;
+  }
+
+  /** The upper end of the bar of errors, with its unit. */
+  errorEnd() {
+    const layer = /** @type {Layer} */ (this.shown);
+    const scale = this.measure === "noise" ? layer.noise_scale : layer.error_scale;
+    if (!MEASURES[this.measure]) return `${scale.high} ${scale.unit}`;
+    const maps = this.computed();
+    return maps ? `\u2265 ${shortNumber(maps.high).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "")} ${MEASURES[this.measure].unit(layer)}` : "being computed";
   }
 
   /** @param {string} label @param {string} spoken @param {() => (Drawn | undefined)[]} shown @returns {Pane} */
@@ -380,7 +439,8 @@ class Viewer {
   buildPanes() {
     const [a, b] = [this.left, this.right];
     const title = this.shown?.title ?? "";
-    const errorPane = (/** @type {number} */ row, label = `error of ${this.nameOf(row)}`) => this.pane(label, `${title}: ${label}`, () => [this.drawnOf(this.errorOf(row)?.picture)]);
+    const measured = MEASURES[this.measure]?.title ?? "error";
+    const errorPane = (/** @type {number} */ row, label = `${measured} of ${this.nameOf(row)}`) => this.pane(label, `${title}: ${label}`, () => [this.errorDrawn(row)]);
     const before = this.layers.find((row) => row.layer === "radiance")?.truth.picture;
     switch (this.mode) {
       case "removal":
@@ -395,7 +455,7 @@ class Viewer {
         this.panes = [a, b].map((row) => this.pane(this.nameOf(row), `${title}: ${this.nameOf(row)}`, this.value(row)));
         break;
       case "flip":
-        this.panes = [this.pane(this.error ? `error of ${this.nameOf(b)}` : this.nameOf(b), `${title}: ${this.nameOf(b)}`, this.error ? () => [this.drawnOf(this.errorOf(b)?.picture)] : this.value(b))];
+        this.panes = [this.pane(this.error ? `${measured} of ${this.nameOf(b)}` : this.nameOf(b), `${title}: ${this.nameOf(b)}`, this.error ? () => [this.errorDrawn(b)] : this.value(b))];
         break;
       default:
         this.panes = [this.pane(`${this.nameOf(a)} | ${this.nameOf(b)}`, `${title}: ${this.nameOf(a)} left, ${this.nameOf(b)} right`, () => [this.drawnOf(this.pictureOf(a)), this.drawnOf(this.pictureOf(b))])];
@@ -423,14 +483,15 @@ class Viewer {
       button.addEventListener("click", () => { this.right = row; this.arrange(); });
       figure.append(button);
       if (tile.picture) {
-        for (const [picture, spoken] of /** @type {[Picture | null | undefined, string][]} */ ([[tile.picture, tile.picture.alt], [this.errorOf(row)?.picture, this.errorOf(row)?.picture?.alt ?? ""]])) {
-          if (!picture) continue;
-          const pane = this.pane("", spoken, () => [this.drawnOf(picture)]);
-          this.tiles.push(pane);
-          figure.append(pane.canvas);
-        }
+        const { picture } = tile;
+        const panes = [this.pane("", picture.alt, () => [this.drawnOf(picture)])];
+        const error = this.errorOf(row)?.picture;
+        const spoken = MEASURES[this.measure] ? `${MEASURES[this.measure].title} of ${this.nameOf(row)}, ${this.errorNote(row)}` : error?.alt;
+        if (error) panes.push(this.pane("", spoken ?? "", () => [this.errorDrawn(row)]));
+        this.tiles.push(...panes);
+        figure.append(...panes.map(({ canvas }) => canvas));
       } else figure.append(element("div", tile.missing, `placeholder ${tile.missing.replace(" ", "-")}`));
-      const notes = [tile.note, this.errorOf(row)?.note].filter(Boolean).join("; ");
+      const notes = [tile.note, tile.picture && this.errorNote(row)].filter(Boolean).join("; ");
       if (notes) figure.append(element("span", notes, "note"));
       place.append(figure);
     }
@@ -450,9 +511,13 @@ class Viewer {
       return line;
     }));
     applyRows(box);
-    const { values, precision, errors, error_scale } = /** @type {Layer} */ (this.shown);
-    const units = [values, errors.length ? `errors in ${this.noise ? "standard deviations" : error_scale.unit}` : ""].filter(Boolean).join("; ");
-    need(box, ".precision", HTMLElement).textContent = `Read from pictures: ${errors.length ? precision : precision.split(",")[0]}${units ? ` (${units})` : ""}.`;
+    const layer = /** @type {Layer} */ (this.shown);
+    const { values, precision, errors, error_scale } = layer;
+    const measure = MEASURES[this.measure];
+    const unit = measure?.unit(layer) ?? (this.measure === "noise" ? "standard deviations" : error_scale.unit);
+    const units = [values, errors.length ? `errors in ${unit}` : ""].filter(Boolean).join("; ");
+    const exact = measure ? `${precision.split(",")[0]}, errors computed from these` : errors.length ? precision : precision.split(",")[0];
+    need(box, ".precision", HTMLElement).textContent = `Read from pictures: ${exact}${units ? ` (${units})` : ""}.`;
   }
 
   /** Where a canvas shows a pixel: zoomed about a centre that all share. @param {HTMLCanvasElement} canvas @param {Drawn} drawn */
@@ -515,6 +580,13 @@ class Viewer {
     }
   }
 
+  /** The error that is read. @param {number} row */
+  errorText(row) {
+    const drawn = this.errorDrawn(row);
+    if (MEASURES[this.measure]) return drawn && this.at ? shortNumber(drawn.read(this.at[0], this.at[1])[0]) : "";
+    return valueText(drawn, this.errorOf(row)?.picture ?? null, this.at);
+  }
+
   /** Write the values under the pointer. */
   tell() {
     const box = need(this.root, ".readout", HTMLElement);
@@ -523,10 +595,10 @@ class Viewer {
     where.textContent = at ? `${shown?.title}, row ${at[1]}, column ${at[0]}` : "Point at a pixel, or move with the arrow keys";
     for (const line of box.querySelectorAll("tr[data-index]")) {
       const row = Number(/** @type {HTMLElement} */ (line).dataset.index);
-      const [value, error] = [this.tileOf(row)?.picture ?? null, this.errorOf(row)?.picture ?? null];
+      const value = this.tileOf(row)?.picture ?? null;
       // The scale of distances is that of the truth alone; all others hold every value.
       line.children[1].textContent = valueText(this.drawnOf(value), value, at, row !== TRUTH && shown?.layer === "depth");
-      line.children[2].textContent = row === TRUTH ? "" : valueText(this.drawnOf(error), error, at);
+      line.children[2].textContent = row === TRUTH ? "" : this.errorText(row);
       line.classList.toggle("chosen", row === this.right);
     }
     const stops = `${this.stops > 0 ? "+" : this.stops < 0 ? "\u2212" : ""}${Math.abs(this.stops).toFixed(2)} stops`;
@@ -542,7 +614,7 @@ class Viewer {
   }
 
   state() {
-    const found = { view: this.gallery.views[this.view].name, layer: this.layer, left: this.nameOf(this.left), right: this.nameOf(this.right), mode: this.mode, zoom: this.zoom, exposure: this.stops, at: this.at?.join("-") ?? "", centre: this.centre.map((c) => c.toFixed(3)).join("-"), error: this.error ? "1" : "", noise: this.noise ? "1" : "" };
+    const found = { view: this.gallery.views[this.view].name, layer: this.layer, left: this.nameOf(this.left), right: this.nameOf(this.right), mode: this.mode, zoom: this.zoom, exposure: this.stops, at: this.at?.join("-") ?? "", centre: this.centre.map((c) => c.toFixed(3)).join("-"), error: this.error ? "1" : "", measure: this.measure === "error" ? "" : this.measure };
     return Object.entries(found).filter(([, value]) => value !== "").map(([name, value]) => `${name}=${encodeURIComponent(String(value))}`).join("&");
   }
 
@@ -566,7 +638,7 @@ class Viewer {
     const at = pairs("at");
     this.centre = pairs("centre") ?? [0.5, 0.5];
     this.error = found.has("error");
-    this.noise = found.has("noise");
+    this.measure = found.has("noise") ? "noise" : found.get("measure") ?? "error";
     this.drawTabs();
     this.arrange();
     if (at) this.moveTo(at[0], at[1]);

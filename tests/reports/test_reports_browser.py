@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page
+from scipy.ndimage import binary_erosion
+from skimage.metrics import structural_similarity
 
-from graycard import open_truth, srgb_encode
+from graycard import open_predictions, open_truth, srgb_encode
 from graycard.io import write_json
-from graycard.records import Cost
+from graycard.records import Cost, JobResult
 from graycard.reports import write_report
 from report_pages import CHROMIUM, open_all, open_report
 from runs_of_size import write_made_up
@@ -51,6 +53,22 @@ COLOUR = """(canvas, [u, v]) => {
   return [...context.getImageData(0, 0, 1, 1).data];
 }"""
 SCENE = "track-1-scene-1"
+WITHOUT_DEPTH = """async (id) => {
+  const { pictures } = JSON.parse(await inflate(await island('kept', id)));
+  const tiles = pictures.gallery.views.flatMap((view) => view.rows).filter((row) => row.layer === 'depth')
+    .flatMap((row) => row.predictions);
+  for (const tile of tiles) Object.assign(tile, { picture: null, missing: 'not provided' });
+  const root = document.createElement('div');
+  root.id = 'other';
+  document.querySelector('main').append(root);
+  new Viewer(root, pictures.gallery, pictures.methods, await blobsOf(id), 'truth');
+}"""
+MAP = """([name, ...planes]) => {
+  const [p, t] = planes.map((channels) => (
+    { width: 26, height: 20, channels: channels.map((values) => Float64Array.from(values)) }));
+  const layer = { truth: { picture: { code: 'share' } } };
+  return [...MEASURES[name].map(p, t, layer, Uint8Array.from(planes[2][0]))];
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -283,6 +301,9 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
     page.evaluate("location.hash = '#track-1-board'")
     page.wait_for_selector("body[data-opened='track-1-board']")
     table = open_one.locator("table.leaderboard")
+    places = "(body) => [...body.rows].map((row) => [row.dataset.row, row.cells[0].textContent])"
+    before = dict(table.locator("tbody").first.evaluate(places))
+    assert sorted(before.values()) == ["1", "2", "3"]
     head = table.locator("thead th").nth(2)
     head.locator(".sort").click()
     assert head.get_attribute("aria-sort") == "descending"
@@ -291,6 +312,7 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
     assert [
         row.get_attribute("data-row") for row in table.locator("tbody").first.locator("tr").all()
     ] != first
+    assert dict(table.locator("tbody").first.evaluate(places)) == before, "a place is of the whole table"
     open_one.locator(".find").fill("steps, light")
     assert [r.get_attribute("data-row") for r in table.locator("tbody tr").all() if r.is_visible()] == [
         "retinex"
@@ -305,6 +327,12 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
     assert copies["csv"].splitlines()[1].split(",")[1] == "retinex"
     assert copies["latex"].count("\\\\") == len(copies["csv"].splitlines())
     assert copies["latex"].startswith("\\begin{tabular}{rlr")
+    assert (
+        copies["latex"].count("\\textbf{")
+        == copies["markdown"].count("| **")
+        == table.locator("tr[data-row=retinex] td.best").count()
+        > 0
+    )
     link = open_one.locator("a.permalink").get_attribute("href")
     page.close()
     again = open_report(browser, path, heard, (link or "")[1:])
@@ -425,8 +453,9 @@ def test_times_are_sorted_as_times_and_one_head_is_marked(
 def test_copies_are_safe_for_what_reads_them(browser: Browser, path: Path, heard: list[str]) -> None:
     page = open_report(browser, path, heard)
     rows = [["=1+2", "−0.5, −3"], ["@a", "-1+cmd|' /C calc'!A0"], ["a|b<i>`", "≥ 2 ± 1"]]
+    cells = [[{"text": text} for text in row] for row in rows]
     written = {
-        kind: page.evaluate(f"(rows) => WRITERS.{kind}(rows, 'x')", rows)
+        kind: page.evaluate(f"(rows) => WRITERS.{kind}(rows, 'x')", cells)
         for kind in ("csv", "markdown", "latex")
     }
     assert [*csv.reader(StringIO(written["csv"]))] == [
@@ -436,6 +465,124 @@ def test_copies_are_safe_for_what_reads_them(browser: Browser, path: Path, heard
     assert "a\\textbar{}b\\textless{}i\\textgreater{}` & $\\geq$ 2 $\\pm$ 1 \\\\" in written["latex"]
     page.close()
     assert heard == []
+
+
+def test_csv_has_the_ends_of_intervals_and_others_what_is_seen(
+    browser: Browser, path: Path, heard: list[str]
+) -> None:
+    page = open_report(browser, path, heard)
+    rows = [
+        [{"text": "Method"}, {"text": "PSNR ↑ dB"}],
+        [{"text": "one"}, {"text": "3.50", "best": True, "low": "−1.25", "high": "4.00"}],
+        [{"text": "two"}, {"text": "2.50 (1 of 2 scored)", "lacks": "1 of 2 scored"}],
+    ]
+    written = {
+        kind: page.evaluate(f"(rows) => WRITERS.{kind}(rows, 'x')", rows)
+        for kind in ("csv", "markdown", "latex")
+    }
+    assert [*csv.reader(StringIO(written["csv"]))] == [
+        ["Method", "PSNR ↑ dB: value", "PSNR ↑ dB: low", "PSNR ↑ dB: high", "PSNR ↑ dB: note"],
+        ["one", "3.50", "-1.25", "4.00", ""],
+        ["two", "2.50", "", "", "1 of 2 scored"],
+    ]
+    assert written["markdown"].splitlines()[2:] == ["| one | **3.50** |", "| two | 2.50 (1 of 2 scored) |"]
+    assert "one & \\textbf{3.50} \\\\" in written["latex"]
+    page.close()
+    assert heard == []
+
+
+def test_what_nobody_provides_is_hidden_until_it_is_asked_for(
+    browser: Browser, tmp_path: Path, heard: list[str]
+) -> None:
+    record = write_made_up(tmp_path, 2, 1, metrics=2)
+    silent = record.metrics[1].id
+    write_json(
+        tmp_path / "run.json", replace(record, results=tuple(without(r, silent) for r in record.results))
+    )
+    page = open_report(browser, write_report(tmp_path), heard, "track-1-all")
+    rows, button = page.locator("#track-1-all tbody.nobody tr"), page.locator("#track-1-all [data-shows]")
+    assert "1 metric" in (page.locator("#track-1-all .hidden-rest").text_content() or "")
+    assert [row.is_visible() for row in rows.all()] == [False, False]
+    button.click()
+    assert [row.is_visible() for row in rows.all()] == [True, True]
+    button.click()
+    assert [row.is_visible() for row in rows.all()] == [False, False]
+    page.close()
+    assert heard == []
+
+
+def without(result: JobResult, metric: str) -> JobResult:
+    """Return a result that does not provide a metric."""
+    assert result.sheet is not None
+    scores = tuple(
+        replace(score, status="not provided", value=None, per_view={}) if score.metric == metric else score
+        for score in result.sheet.scores
+    )
+    return replace(result, sheet=replace(result.sheet, scores=scores))
+
+
+def test_layers_that_nobody_provides_are_hidden_until_they_are_asked_for(viewer: Locator) -> None:
+    viewer.page.evaluate(WITHOUT_DEPTH, SCENE)
+    other = viewer.page.locator("#other")
+    more, tab = other.locator(".more-layers"), other.locator("[role=tab]").filter(has_text="Depth")
+    assert more.text_content() == "Show 1 layer that no row provides"
+    assert not tab.is_visible()
+    more.click()
+    assert tab.is_visible()
+    assert more.text_content() == "Hide 1 layer that no row provides"
+    assert not viewer.locator(".more-layers").is_visible()
+
+
+def test_maps_of_errors_are_those_of_metrics(browser: Browser, path: Path, heard: list[str]) -> None:
+    noise = np.random.default_rng(5)
+    true = noise.uniform(0.02, 1, (20, 26, 3))
+    found = np.clip(true + 0.2 * noise.normal(size=true.shape), 0, 1)
+    inside = np.ones(true.shape[:2], bool)
+    inside[:6, :9] = False
+    page = open_report(browser, path, heard)
+    maps = {
+        name: np.array(page.evaluate(MAP, [name, *(planes(image) for image in (found, true, inside))]), float)
+        for name in ("squares", "ssim", "relative")
+    }
+    page.close()
+    shown, exact = (srgb_encode(image) for image in (np.where(inside[..., None], found, true), true))
+    similar = structural_similarity(
+        exact, shown, data_range=1, channel_axis=-1, gaussian_weights=True, sigma=1.5,
+        use_sample_covariance=False, full=True,
+    )[1].mean(axis=-1)  # fmt: skip
+    whole = ~np.isnan(maps["ssim"].reshape(inside.shape))
+    assert np.array_equal(whole, binary_erosion(inside, np.ones((11, 11))))
+    assert np.allclose(maps["ssim"].reshape(inside.shape)[whole], 1 - similar[whole], atol=1e-9)
+    assert np.allclose(maps["squares"], ((found - true) ** 2).mean(axis=-1).ravel())
+    assert np.allclose(maps["relative"], (100 * np.abs(found - true) / true).mean(axis=-1).ravel())
+    assert heard == []
+
+
+def planes(image: np.ndarray) -> list[list[float]]:
+    """Return the channels of an image, row by row."""
+    return [channel.ravel().tolist() for channel in np.moveaxis(np.atleast_3d(image), -1, 0)]
+
+
+def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Locator, tiny_run: Path) -> None:
+    truth = open_truth(tiny_run / "dataset/dark/tiny-0000/truth")
+    view = next(v for v in truth.views if v.split == "test")
+    jobs = tiny_run / "jobs/dark/tiny-0000"
+    layer = open_predictions(jobs / "gray-0" / "predictions").layers(view.name)["base_color"]
+    p, t = layer[18, 14] * np.array([2, 1, 0.5]), truth.layers(view)["base_color"][18, 14]
+    viewer.locator("select.measure").select_option("relative")
+    end = viewer.locator(".of-errors .high").filter(has_text="% of the truth")
+    end.wait_for()
+    assert re.fullmatch(r"≥ [\d.]+ % of the truth", end.text_content() or "")
+    notes = viewer.locator(".tiles figure[data-row] .note").all_text_contents()
+    assert len([note for note in notes if "mean " in note]) == 3
+    box = place_of(viewer.locator(".panes canvas").first)
+    viewer.page.mouse.move(box["x"] + 14.5 / 28 * box["width"], box["y"] + 18.5 / 24 * box["height"])
+    settle(viewer.page)
+    read = viewer.locator(".readout tr[data-index='1'] td").nth(1).text_content() or ""
+    assert float(read) == pytest.approx(float((100 * np.abs(p - t) / t).mean()), rel=0.15, abs=1)
+    assert "measure=relative" in (viewer.locator("a.permalink").get_attribute("href") or "")
+    viewer.get_by_role("tab", name="Normal, world axes").click()
+    assert viewer.locator("select.measure option").all_text_contents() == ["Angle"]
 
 
 def test_a_part_that_is_damaged_says_so(

@@ -7,6 +7,9 @@ import pytest
 
 import graycard.eval as ge
 from graycard import TRACKS
+from graycard.eval.kinds._lights import MatchedLights
+from graycard.eval.lights._errors import LightMatch
+from graycard.eval.metrics._lights import _position
 from graycard.records import (
     HOLDS_NOISE,
     Job,
@@ -184,6 +187,7 @@ def test_column_that_no_competing_method_provides_is_left_out() -> None:
     board = make_board(results, sees={"oracle": ("normal",)})
     assert [m.id for m in board.metrics] == ["a.up"]
     assert [m.id for m in board.left_out] == ["b.down"]
+    assert [[cell.status for cell in row.quiet] for row in board.competing] == [["not provided"]]
     assert [len(s.cells) for s in board.competing + board.references] == [1, 1]
     broken = make_board([*results, make_result("y", "a", failed="boom")], sees={"oracle": ("normal",)})
     assert [m.id for m in broken.left_out] == ["b.down"]
@@ -321,9 +325,9 @@ def test_metric_that_nobody_provides_is_named_and_has_no_row() -> None:
         make_result("x", "a", make_score(UP, 5), none, make_score(SIDE, "failed", reason="r")),
         make_result("y", "a", make_score(UP, "not provided"), none),
     ]
-    rows, silent = told_rows(metric_rows(results, make_board(results).methods, (UP, DOWN, SIDE)))
+    rows, quiet = told_rows(metric_rows(results, make_board(results).methods, (UP, DOWN, SIDE)))
     assert [row.metric.id for row in rows] == ["a.up", "b.side"]
-    assert silent == "Down"
+    assert [row.metric.title for row in quiet] == ["Down"]
 
 
 FAMILY = {"own": "own", "own-long": "own", "other": "other"}
@@ -336,18 +340,73 @@ def family_results() -> list[JobResult]:
     return [make_result(name, "a", make_score(UP, value)) for name, value in values.items()]
 
 
-def test_a_variant_has_its_place_and_is_never_marked_as_best() -> None:
+def test_a_variant_has_no_place_and_is_never_marked_as_best() -> None:
     board = make_board(family_results(), entries=FAMILY)
     assert [(s.method.name, s.place, s.cells[0].best) for s in board.families] == [
-        ("own", 2, True), ("own-long", 1, False), ("other", 3, False),
+        ("own", 1, True), ("own-long", None, False), ("other", 2, False),
     ]  # fmt: skip
     (row,) = metric_rows(family_results(), board.methods, [UP])
     assert [cell.best for cell in row.cells] == [True, False, False]
 
 
+def test_places_are_those_of_the_rows_that_are_shown_first() -> None:
+    """Two variants between two methods in one column must not outweigh another column."""
+    up = {"own": 3.0, "own-a": 2.9, "own-b": 2.8, "other": 2.0, "third": 1.0}
+    down = {"own": 5.0, "own-a": 9.0, "own-b": 9.0, "other": 4.0, "third": 6.0}
+    results = [make_result(n, "a", make_score(UP, up[n]), make_score(DOWN, down[n])) for n in up]
+    entries = {name: name.partition("-")[0] for name in up}
+    board = make_board(results, entries=entries)
+    assert [(s.method.name, s.place) for s in board.families] == [
+        ("own", 1), ("own-a", None), ("own-b", None), ("other", 1), ("third", 3),
+    ]  # fmt: skip
+
+
+def test_a_column_of_one_method_and_its_variants_does_not_count() -> None:
+    values = {"own": 3.0, "own-long": 5.0, "other": "not provided"}
+    results = [make_result(n, "a", make_score(UP, v), make_score(DOWN, 1)) for n, v in values.items()]
+    assert [m.counts for m in make_board(results, entries=FAMILY).metrics] == [False, True]
+
+
 def test_a_variant_of_a_row_that_does_not_compete_has_a_line() -> None:
     board = make_board(family_results(), {"own": ("normal",)}, FAMILY)
     assert [head.name for head in board.methods] == ["own-long", "other", "own"]
+
+
+@pytest.mark.parametrize(
+    ("true", "predicted", "said"),
+    [
+        (2, 1, "50.00 by 1 missing light"),
+        (3, 1, "66.67 by 2 missing lights"),
+        (1, 4, "75.00 by 3 extra lights"),
+        (2, 2, ""),
+    ],
+)
+def test_a_score_of_lights_says_what_those_without_a_partner_make(true: int, predicted: int, said: str):
+    """All others are exactly in place, so they make the whole of it."""
+    pairs = min(true, predicted)
+    match = LightMatch(((0, 0),) * pairs, (0.0,) * pairs, true - pairs, predicted - pairs)
+    value = _position(MatchedLights((), (), (), 5.0, "", match))
+    scores = [
+        make_score(replace(DOWN, id=f"light.{name}"), number, expected=true)
+        for name, number in (("position", value), ("missing", match.missing), ("extra", match.extra))
+    ]
+    cell = pool([read_metric(make_result("m", "a", *scores), "light.position")], "%")
+    assert cell.unpaired == said
+    assert (said in cell.notes) == bool(said)
+    assert said.startswith(cell.text) or value == 0
+    counted = pool([read_metric(make_result("m", "a", *scores), "light.missing")], "count")
+    assert counted.unpaired == ""
+
+
+def test_lights_without_a_partner_are_means_over_scenes() -> None:
+    numbers = {"a": (50.0, 1.0, 0.0), "b": (80.0, 0.0, 2.0)}
+    readings = []
+    for scene, found in numbers.items():
+        names = ("light.position", "light.missing", "light.extra")
+        scores = [make_score(replace(DOWN, id=n), v, expected=2) for n, v in zip(names, found, strict=True)]
+        readings.append(read_metric(make_result("m", scene, *scores), "light.position"))
+    cell = pool(readings, "%")
+    assert (cell.text, cell.unpaired) == ("65.00", "50.00 by 0.5 missing, 1 extra lights")
 
 
 def test_a_mean_of_both_infinities_is_not_the_best() -> None:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The questions of docs/how-to/read-a-report.md, answered in a browser in three actions at most."""
 
+import csv
 from collections.abc import Iterator
+from io import StringIO
 from typing import Any
 
 import pytest
@@ -148,6 +150,15 @@ def test_a_table_for_a_paper(reader: Reader) -> None:
     reader.click(content.locator("[data-copy=latex]"))
     reader.page.wait_for_selector("body[data-copied]")
     assert "\\toprule" in reader.page.evaluate("document.body.dataset.copied")
+    reader.page.evaluate("delete document.body.dataset.copied")
+    reader.click(content.locator("[data-copy=csv]"))
+    reader.page.wait_for_selector("body[data-copied]")
+    head, *rows = csv.reader(StringIO(reader.page.evaluate("document.body.dataset.copied")))
+    first = next(i for i, name in enumerate(head) if name.endswith(": value"))
+    assert [name.rpartition(": ")[2] for name in head[first : first + 3]] == ["value", "low", "high"]
+    ends = [[float(cell) for cell in row[first : first + 3]] for row in rows if row[first + 1]]
+    assert len(ends) > 3
+    assert all(low <= value <= high for value, low, high in ends)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -334,10 +334,67 @@ def test_what_is_not_published_is_refused(tiny_run: Path, tmp_path: Path, capsys
         write_site([run], tmp_path / "site", compare)
     for name in ("a", "b"):
         publish(tiny_run, tmp_path / name / "same")
-    with pytest.raises(RecordError, match="published runs of different names, got same, same"):
+    with pytest.raises(RecordError, match="published runs of different names, got .*a.same, .*b.same"):
         write_site([tmp_path / "a", tmp_path / "b"], tmp_path / "site", compare)
     assert main(["site", "--out", str(tmp_path / "site")]) == 2
     assert "expected published folders, got none" in capsys.readouterr().err
+    assert not (tmp_path / "site").exists()
+
+
+@pytest.fixture(scope="module")
+def shelf(tiny_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of two published runs, with what lies beside them, and a folder that is no run."""
+    root = tmp_path_factory.mktemp("shelf")
+    for name in ("one", "two"):
+        publish(tiny_run, root / "published" / name)
+    write_json(root / "published" / HISTORY, VerdictHistory(()))
+    for name, text in ((REASONS, ""), ("history.html", "beside"), ("notes.md", "beside")):
+        (root / "published" / name).write_text(text)
+    (root / "other").mkdir()
+    (root / "other" / "index.html").write_text("pages of something else")
+    (root / "other" / "notes.txt").write_text("beside no run")
+    return root
+
+
+@pytest.mark.parametrize(
+    ("places", "left_out"),
+    [
+        (["published/*"], "history.html, history.json, history.toml, notes.md"),
+        (["published"], ""),
+        (["published/", "published/two/"], ""),
+        (["published/one", "published/two", "published/one"], ""),
+        (["published/../published/two", "published/one", "published/notes.md"], "notes.md"),
+    ],
+)
+def test_what_a_shell_makes_of_a_star_is_taken(
+    shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], places: list[str], left_out: str
+):
+    found = [str(p) for place in places for p in (sorted(shelf.glob(place)) if "*" in place else [place])]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(shelf)
+        assert main(["site", *found, "--out", str(tmp_path / "site")]) == 0
+    names = [run["name"] for run in read_json(tmp_path / "site" / "ledger.json")["runs"]]
+    assert sorted(names) == ["one", "two"]
+    told = f"left out, as they are no published runs: {left_out}\n" if left_out else ""
+    assert capsys.readouterr().err == told
+
+
+@pytest.mark.parametrize(
+    ("places", "message"),
+    [
+        (["published/one", "other"], "a published run, or a folder of such, at other, got none"),
+        (["published/one", "other/notes.txt"], "at other/notes.txt, got none"),
+        (["published/one/run.json"], "at published/one/run.json, got none"),
+        (["published/gone"], "at published/gone, got none"),
+        (["published/notes.md"], "expected published runs, got none. Make one"),
+    ],
+)
+def test_what_is_no_run_and_lies_beside_none_is_refused(
+    shelf: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, places: list[str], message: str
+):
+    monkeypatch.chdir(shelf)
+    with pytest.raises(RecordError, match=re.escape(message)):
+        write_site([Path(place) for place in places], tmp_path / "site", compare)
     assert not (tmp_path / "site").exists()
 
 
