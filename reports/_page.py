@@ -46,7 +46,7 @@ class TrackSection:
     compared: Compared
     rows: tuple[MetricRow, ...]
     quiet: tuple[MetricRow, ...]
-    """Of metrics that no method provides."""
+    """Of metrics that no competing method provides."""
     failures: tuple[Trouble, ...]
     scenes: tuple[SceneSection, ...]
 
@@ -164,7 +164,7 @@ def _track(record: RunRecord, run: Path, name: str, anchor: str, sources: _Sourc
     metrics = metrics_of(record, results)
     compared = compare_track(sources.comparison, record, name, metrics)
     board = leaderboard(record, results, headline_of(name, metrics), compared)
-    rows, quiet = told_rows(metric_rows(results, board.methods, metrics, compared))
+    rows, quiet = told_rows(metric_rows(results, board.methods, metrics, compared), board.methods)
     seeds = len({r.job.seed for r in results})
     scenes = tuple(
         scene_section(

@@ -70,7 +70,7 @@ class SceneSection:
     faults: tuple[MethodFault, ...]
     rows: tuple[MetricRow, ...]
     quiet: tuple[MetricRow, ...]
-    """Of metrics that no method provides."""
+    """Of metrics that no competing method provides."""
     spreads: tuple[Spread, ...]
     """Spread of base colour over published protocols; empty where none was asked for."""
     viewed: tuple[MethodHead, ...]
@@ -112,7 +112,7 @@ def scene_section(
     names = shown if kept is None or kept[0] is None else kept[0].methods
     drawn = tuple(m for m in here if names is None or m.name in names)
     pictures, reason, faults = kept or _pictures(run, scene, results, drawn)
-    rows, quiet = told_rows(metric_rows(results, here, metrics))
+    rows, quiet = told_rows(metric_rows(results, here, metrics), here)
     return SceneSection(
         anchor=anchor,
         name=scene.scene,

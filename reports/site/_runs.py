@@ -10,6 +10,7 @@ from graycard.records import Comparison, MethodRecord, RunRecord, SceneRecord, r
 from graycard.reports._format import count, format_date, format_seconds, format_value
 from graycard.reports._tracks import headline_of, words_of
 from graycard.reports.site._sources import Published
+from graycard.reports.tables._cells import Cell
 from graycard.reports.tables._compared import Compared, compare_track
 from graycard.reports.tables._help import MetricHead
 from graycard.reports.tables._tables import Standing, leaderboard, metrics_of
@@ -23,8 +24,8 @@ class BoardCell:
 
     text: str
     interval: str
-    lacks: tuple[str, ...]
-    """Words on jobs or scenes that are not in the mean; empty where all are."""
+    notes: tuple[str, ...]
+    """Words on jobs or scenes that are not in the mean, and on lights without a partner."""
     best: bool
     status: str
 
@@ -209,6 +210,11 @@ def _leader(head: MetricHead, compared: Compared) -> Leader:
     )
 
 
+def _notes(cell: Cell) -> tuple[str, ...]:
+    """Return what a reader has to know of a mean."""
+    return (*cell.lacks, *([cell.unpaired] if cell.unpaired else []))
+
+
 def _row(
     standing: Standing, heads: tuple[MetricHead, ...], compared: Compared, units: Mapping[str, str]
 ) -> BoardRow:
@@ -221,6 +227,6 @@ def _row(
         known = compared.standings.get((head.id, method.name))
         ends = known.interval if known and cell.status == "scored" else None
         interval = " to ".join(format_value(end, units[head.id]) for end in ends) if ends else ""
-        cells.append(BoardCell(cell.text, interval, cell.lacks, cell.best, cell.status))
+        cells.append(BoardCell(cell.text, interval, _notes(cell), cell.best, cell.status))
     place = "" if standing.place is None else str(standing.place)
     return BoardRow(place, method.name, tuple(notes), tuple(cells), bool(method.variant_of))

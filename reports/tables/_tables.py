@@ -113,10 +113,20 @@ def metrics_of(record: RunRecord, results: Sequence[JobResult]) -> tuple[MetricR
     return tuple(sorted(found, key=lambda m: groups.index(m.group)))
 
 
-def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], tuple[MetricRow, ...]]:
-    """Return the rows that say something, and those of metrics that no method provides."""
-    quiet = tuple(r for r in rows if not any(map(_provides, r.cells)))
-    return tuple(r for r in rows if r not in quiet), quiet
+def told_rows(
+    rows: Sequence[MetricRow], methods: Sequence[MethodHead]
+) -> tuple[tuple[MetricRow, ...], tuple[MetricRow, ...]]:
+    """Return the rows that say something, and those of metrics that no competing method provides.
+
+    Args:
+        rows: Of a table.
+        methods: Heads of its columns; where none competes, what references provide says something.
+    """
+    own = [not head.sees for head in methods]
+    shown = own if any(own) else [True] * len(methods)
+    quiet = [not any(_provides(c) for c, s in zip(r.cells, shown, strict=True) if s) for r in rows]
+    pairs = [*zip(rows, quiet, strict=True)]
+    return tuple(r for r, silent in pairs if not silent), tuple(r for r, silent in pairs if silent)
 
 
 def leaderboard(

@@ -17,6 +17,8 @@ const STEP = Number(document.body.dataset.step);
 const LEVELS = Number(document.body.dataset.levels);
 const NO_NUMBER = 65535;
 const TRUTH = -1;
+/** Letters of a title that a tab cuts off. */
+const LONG = 32;
 /** What the map of a unit shows. @type {Record<string, string>} */
 const ERRORS = { degrees: "Angle", "display difference": "Error, largest channel", "linear difference": "Error, largest channel" };
 const KEYS = "Keys: 0 truth, 1 to 9 rows, Space swaps, E error, M mode, arrows move the pixel that is read, plus and minus zoom";
@@ -315,10 +317,11 @@ class Viewer {
     if (this.layer >= this.layers.length) this.layer = 0;
     const told = this.layers.map((row, index) => ({ row, index, given: row.predictions.some((tile) => tile.picture || tile.missing === "failed") }));
     for (const { row, index, given } of [...told.filter((t) => t.given), ...told.filter((t) => !t.given)]) {
-      const tab = /** @type {HTMLButtonElement} */ (element("button", row.title, given ? "" : "nobody"));
+      const tab = /** @type {HTMLButtonElement} */ (element("button", row.title.replace(/^Relit: The light '([^']*)'/, "Relit: $1"), given ? "" : "nobody"));
       tab.type = "button";
       tab.setAttribute("role", "tab");
       tab.dataset.layer = String(index);
+      tab.title = row.title;
       tab.addEventListener("click", () => { this.layer = index; this.arrange(); });
       tab.addEventListener("keydown", (event) => {
         const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
@@ -374,6 +377,9 @@ class Viewer {
       button.setAttribute("aria-pressed", String(mode === this.mode));
       if (mode === "removal") /** @type {HTMLElement} */ (button).hidden = !removal;
     }
+    const whole = need(root, ".layer-title", HTMLElement);
+    whole.textContent = shown.title;
+    whole.hidden = shown.title.length <= LONG;
     need(root, ".bench", HTMLElement).setAttribute("aria-label", `${shown.title}, ${this.gallery.views[this.view].name}`);
     need(root, ".divider", HTMLElement).closest("label")?.toggleAttribute("hidden", this.mode !== "split");
     this.fillSelects();

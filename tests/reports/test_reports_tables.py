@@ -325,9 +325,21 @@ def test_metric_that_nobody_provides_is_named_and_has_no_row() -> None:
         make_result("x", "a", make_score(UP, 5), none, make_score(SIDE, "failed", reason="r")),
         make_result("y", "a", make_score(UP, "not provided"), none),
     ]
-    rows, quiet = told_rows(metric_rows(results, make_board(results).methods, (UP, DOWN, SIDE)))
+    methods = make_board(results).methods
+    rows, quiet = told_rows(metric_rows(results, methods, (UP, DOWN, SIDE)), methods)
     assert [row.metric.id for row in rows] == ["a.up", "b.side"]
     assert [row.metric.title for row in quiet] == ["Down"]
+
+
+def test_what_references_alone_provide_says_nothing_beside_methods() -> None:
+    results = [
+        make_result("oracle", "a", make_score(UP, 9), make_score(DOWN, 0)),
+        make_result("x", "a", make_score(UP, 5), make_score(DOWN, "not provided")),
+    ]
+    for own, expected in ((results, ["b.down"]), (results[:1], [])):
+        methods = make_board(own, sees={"oracle": ("normal",)}).methods
+        _, quiet = told_rows(metric_rows(own, methods, (UP, DOWN)), methods)
+        assert [row.metric.id for row in quiet] == expected
 
 
 FAMILY = {"own": "own", "own-long": "own", "other": "other"}

@@ -204,6 +204,12 @@ def test_variants_stand_below_their_method_and_never_lead(own_site: Path):
     order = [name for name, _ in rows]
     entry = {method.name: method.entry for method in record.methods}
     assert variants == {name for name, row in rows if row.get("class") == "variant"}
+    places = {name: words(next(iter(row.iter("td")))) for name, row in rows}
+    assert {places[name] for name in variants} == {"–"}
+    ranked = [place for name, place in places.items() if name not in variants and place != "–"]
+    assert [place for n, place in enumerate(ranked, 1) if place not in (str(n), ranked[n - 2])] == []
+    darkgs = words(next(row for name, row in rows if name == "darkgs"))
+    assert "50.00 50.00 to 50.00 50.00 by 1 missing light" in darkgs
     for name in variants:
         above = order[: order.index(name)]
         assert next(other for other in reversed(above) if other not in variants) == entry[name]
