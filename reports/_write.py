@@ -5,9 +5,10 @@ from collections.abc import Collection
 from pathlib import Path
 
 from graycard import RecordError
-from graycard.io import remove, write_bytes
-from graycard.records import read_run
+from graycard.io import read_text, remove, write_bytes
+from graycard.records import PUBLISHED_PAGE, Comparison, is_published, read_run
 from graycard.reports._page import Page, build_page
+from graycard.reports.history._remake import kept_of_run
 from graycard.reports.parts._render import render_files, render_page
 
 MAX_BYTES = 15_000_000
@@ -15,7 +16,12 @@ MAX_BYTES = 15_000_000
 
 
 def write_report(
-    run: Path, pictures: Collection[str] | None = None, *, out: Path | None = None, one_file: bool = False
+    run: Path,
+    pictures: Collection[str] | None = None,
+    *,
+    out: Path | None = None,
+    one_file: bool = False,
+    comparison: Comparison | None = None,
 ) -> Path:
     """Write the report of a run without any reference to another host.
 
@@ -23,21 +29,22 @@ def write_report(
     broken (a failed job, a scene folder that is gone) is said in its place.
 
     Args:
-        run: The run folder, with ``run.json``.
+        run: The run folder, with ``run.json``; of a published one the pictures of its page are kept.
         pictures: Methods whose pictures are embedded; None for all. Tables have all in any case.
         out: The file; None for ``RUN/report/index.html``.
         one_file: Write one file however large; else a report above 15 MB has its scenes in files beside it.
+        comparison: Of its methods; None for that in the folder.
 
     Returns:
         The path of the report.
 
     Raises:
         RecordError: There is no ``run.json``, or it is damaged or of a newer format, or the run has no method
-            of such a name.
+            of such a name. The page of a published run has no pictures that can be read.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(run) / "report" / "index.html" if out is None else out
-    page = _page_of(Path(run), pictures)
+    page = _page_of(Path(run), pictures, comparison)
     whole = render_page(page).encode()
     folder, written = f"{path.stem}-scenes", set[Path]()
     if one_file or len(whole) <= MAX_BYTES:
@@ -57,7 +64,7 @@ def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
     return render_page(_page_of(run, pictures)).encode()
 
 
-def _page_of(run: Path, pictures: Collection[str] | None) -> Page:
+def _page_of(run: Path, pictures: Collection[str] | None, comparison: Comparison | None = None) -> Page:
     record = read_run(run)
     known = [method.name for method in record.methods]
     if pictures is not None and (strange := sorted(set(pictures) - set(known))):
@@ -65,4 +72,5 @@ def _page_of(run: Path, pictures: Collection[str] | None) -> Page:
             f"expected pictures of methods of the run ({', '.join(known)}), got {', '.join(strange)}. "
             "Name some of the former"
         )
-    return build_page(record, run, pictures)
+    kept = kept_of_run(read_text(run / PUBLISHED_PAGE, "HTML"), record) if is_published(run) else None
+    return build_page(record, run, pictures, comparison, kept)

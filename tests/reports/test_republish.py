@@ -99,6 +99,18 @@ def test_ledger_page_and_history_have_the_new_verdict(published: Path):
     assert "Other rows." in (published.parent / HISTORY_PAGE).read_text()
 
 
+def test_report_of_a_published_run_keeps_its_pictures(
+    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    page, new = (published / "index.html").read_text(), tmp_path / "new.html"
+    assert main(["report", str(published)]) == 2
+    assert "expected --out FILE with" in capsys.readouterr().err
+    assert main(["report", str(published), "--out", str(new)]) == 0
+    assert kept_scenes(new.read_text()) == kept_scenes(page)
+    assert new.read_text() == page
+    assert not (published / "report").exists()
+
+
 def changed_ledger(folder: Path) -> Ledger:
     """Return a ledger whose claim was read from another file."""
     ledger = ledger_of("reproduced", folder, "others")

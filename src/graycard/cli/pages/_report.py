@@ -34,7 +34,8 @@ class ReportCommand:
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|SCENE")]
     """The run folder; or an imported capture, DATASET/<track>/<scene>."""
     out: Annotated[Path | None, optional("FILE")] = None
-    """Write to this file; RUN/report/index.html or SCENE/report/index.html by default.
+    """Write to this file; RUN/report/index.html or SCENE/report/index.html by default. A published run,
+    whose pictures are kept, needs it.
     A summary is printed by default."""
     one_file: bool = False
     """Write one file however large; else the scenes of a report above 15 MB have files beside it."""
@@ -79,10 +80,18 @@ class ReportCommand:
 
     def _written(self) -> Path:
         """Write the report, and say what to do where the run cannot be written to."""
-        from graycard.reports import write_report
+        from graycard.eval.statistics import compare_run
+        from graycard.reports import is_published, write_report
 
+        comparison = None
+        if is_published(self.run_folder):
+            if self.out is None:
+                raise OutputError(
+                    f"expected --out FILE with {self.run_folder}, got none: what is published stays as it is"
+                )
+            comparison = compare_run(read_run(self.run_folder))
         try:
-            return write_report(self.run_folder, out=self.out, one_file=self.one_file)
+            return write_report(self.run_folder, out=self.out, one_file=self.one_file, comparison=comparison)
         except OutputError as cause:
             if self.out is not None:
                 raise
