@@ -17,7 +17,7 @@ class SceneCells:
     method: MethodHead
     cells: tuple[Cell, ...]
     worst: int
-    """Index of its worst scene; −1 where no two scenes differ."""
+    """Index of its worst scene; −1 where no two scenes differ as they are shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,5 +54,5 @@ def _row(head: MethodHead, jobs: Sequence[Sequence[JobResult]], metric: MetricRe
     cells = tuple(pool([read_metric(r, metric.id) for r in own], metric.unit) for own in jobs)
     values = [(cell.value, i) for i, cell in enumerate(cells) if cell.value is not None]
     pick = min if metric.higher_is_better else max
-    differ = len({value for value, _ in values}) > 1
+    differ = len({cell.text for cell in cells if cell.value is not None}) > 1
     return SceneCells(head, cells, pick(values)[1] if differ else -1)

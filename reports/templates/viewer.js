@@ -466,7 +466,8 @@ class Viewer {
       default:
         this.panes = [this.pane(`${this.nameOf(a)} | ${this.nameOf(b)}`, `${title}: ${this.nameOf(a)} left, ${this.nameOf(b)} right`, () => [this.drawnOf(this.pictureOf(a)), this.drawnOf(this.pictureOf(b))])];
     }
-    if (this.mode !== "removal" && this.errorOf(b)?.picture) this.panes.push(errorPane(b));
+    const flipped = this.mode === "flip" && this.error;  // the error has the place of the row, and the row that of the error
+    if (this.mode !== "removal" && this.errorOf(b)?.picture) this.panes.push(flipped ? this.pane(this.nameOf(b), `${title}: ${this.nameOf(b)}`, this.value(b)) : errorPane(b));
     need(this.stage, ".panes", HTMLElement).classList.toggle("four", this.panes.length === 4);
     need(this.stage, ".panes", HTMLElement).replaceChildren(...this.panes.map(({ label, canvas }) => {
       const figure = element("figure");
