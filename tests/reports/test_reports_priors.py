@@ -85,7 +85,7 @@ def test_report_marks_rows_that_were_told(make_run: Callable[..., tuple[Path, Ru
     first, tracks = html.split('<section class="track"', 1)
     assert badge in first[first.index('<section class="summary"') :]
     for place in (
-        '<table class="scores leaderboard"',
+        '<table class="scores leaderboard">',
         "Values of single test views",
     ):
         rows = tracks[tracks.index(place) :]
