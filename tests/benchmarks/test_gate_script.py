@@ -2,15 +2,28 @@
 """The gate's script for any service: where it takes the baseline from, and what it leaves as it was."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from gate_action import ACTION, commit, git, make_repository
+from gate_action import ACTION, CONTEXTS, Runner, commit, git, make_repository
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the script is for bash")
+TOKEN = "the-token-of-the-job"
+HISTORY = """
+while [ $# -gt 1 ]; do
+  case $1 in --history) place=$2 ;; --commit) commit=$2 ;; esac
+  shift
+done
+[ -n "${place:-}" ] || exit 0
+echo "$commit" >>"$place/gate-history.json"
+echo page >"$place/README.md"
+exit 1
+"""
+"""A program in the place of graycard: it adds a line to a history, and finds a run worse."""
 GRAYCARD = f'#!/bin/sh\nexec "{sys.executable}" -m graycard "$@"\n'
 
 
@@ -51,3 +64,97 @@ def test_a_branch_without_a_baseline_passes_and_the_clone_stays_whole(checkout: 
     assert "gate: passed: no graycard-baseline.json on main yet" in done.stdout
     assert len(git(checkout, "log", "--format=%h").splitlines()) == 3
     assert git(checkout, "rev-parse", "--is-shallow-repository").strip() == "false"
+
+
+@pytest.fixture
+def with_history(checkout: Path) -> Path:
+    """The clone with a baseline on its branch, a program that writes histories, and a log of calls of git."""
+    (checkout / "graycard-baseline.json").write_text("{}")
+    (checkout / ".git" / "info" / "exclude").write_text("graycard-gate\n")
+    commit(checkout, "Add the baseline")
+    program = checkout.parent / "cache" / "env" / "bin" / "graycard"
+    program.write_text(f"#!/bin/bash\n{HISTORY}")
+    spy = checkout.parent / "spy" / "git"
+    spy.parent.mkdir()
+    spy.write_text(f'#!/bin/sh\necho "$@" >>"{spy.parent}/log"\nexec "{shutil.which("git")}" "$@"\n')
+    spy.chmod(0o755)
+    return checkout
+
+
+def gate_with_history(checkout: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(checkout.parent / "spy"), os.environ["PATH"]])
+    return gate(checkout, GATE_HISTORY="accuracy", PATH=path)
+
+
+def history_of(checkout: Path) -> list[str]:
+    return git(checkout.parent / "origin.git", "show", "accuracy:gate-history.json").splitlines()
+
+
+def test_a_history_grows_on_its_branch_without_telling_the_token(with_history: Path):
+    # As clones of GitLab have it, and as actions/checkout keeps it.
+    address = f"https://x:{TOKEN}@example.org/a.git"
+    origin = str(with_history.parent / "origin.git")
+    git(with_history, "remote", "set-url", "origin", address)
+    git(with_history, "config", f"url.{origin}.insteadOf", address)
+    git(with_history, "config", "http.https://github.com/.extraheader", f"AUTHORIZATION: basic {TOKEN}")
+    head = git(with_history, "rev-parse", "HEAD").strip()
+    before = git(with_history, "status", "--porcelain", "--ignored=no")
+    for runs in (1, 2):
+        done = gate_with_history(with_history)
+        assert done.returncode == 1, done.stderr
+        assert history_of(with_history) == [head] * runs
+    assert git(with_history, "rev-list", "--count", "FETCH_HEAD").strip() == "1", "the branch is on its own"
+    assert git(with_history, "status", "--porcelain", "--ignored=no") == before
+    assert TOKEN not in (with_history.parent / "spy" / "log").read_text()
+    kept = [path for path in (with_history / "graycard-gate").rglob("*") if path.is_file()]
+    assert not [path for path in kept if TOKEN.encode() in path.read_bytes()]
+
+
+def test_a_history_that_another_run_pushed_meanwhile_keeps_both(with_history: Path):
+    gate_with_history(with_history)
+    other, spy = with_history.parent / "other", with_history.parent / "spy" / "git"
+    git(with_history.parent, "clone", "--quiet", "--branch", "accuracy", "origin.git", str(other))
+    (other / "gate-history.json").write_text("other\n")
+    git(other, "-c", "user.name=x", "-c", "user.email=x@localhost", "commit", "--quiet", "-am", "Other")
+    push = f'git -C "{other}" push --quiet origin HEAD:accuracy'
+    spy.write_text(f'#!/bin/sh\nPATH={os.environ["PATH"]}\n[ "$1" != push ] || {push}\nexec git "$@"\n')
+    assert gate_with_history(with_history).returncode == 1
+    assert history_of(with_history) == ["other", git(with_history, "rev-parse", "HEAD").strip()]
+
+
+def test_a_history_that_cannot_be_pushed_is_said(with_history: Path):
+    hook = with_history.parent / "origin.git" / "hooks" / "pre-receive"
+    hook.write_text("#!/bin/sh\nexit 1\n")
+    hook.chmod(0o755)
+    done = gate_with_history(with_history)
+    assert done.returncode == 1, "the verdict stays"
+    assert "The history was not pushed" in done.stderr
+
+
+def test_jobs_of_a_matrix_keep_their_runs_under_names_of_their_own(tmp_path: Path):
+    def name(**contexts: str) -> str:
+        values = {key.replace("_", ".", 1).replace("_", "-"): value for key, value in contexts.items()}
+        return Runner(tmp_path, tmp_path, {}, contexts=CONTEXTS | values).artifact
+
+    assert name() == "graycard-gate-gate-0"
+    assert len({name(), name(strategy_job_index="1"), name(github_job="other")}) == 3
+    assert Runner(tmp_path, tmp_path, {"artifact": "mine"}).artifact == "mine"
+
+
+def test_pip_takes_the_address_of_its_index_from_a_variable(tmp_path: Path):
+    fake = tmp_path / "python"
+    fake.write_text(
+        f'#!/bin/sh\necho "$0" "$@" "[$PIP_INDEX_URL]" >>"{tmp_path}/log"\n'
+        '[ "$2" != venv ] || { mkdir -p "$3/bin"; cp "$0" "$3/bin/pip"; cp "$0" "$3/bin/graycard"; }\n'
+    )
+    fake.chmod(0o755)
+    variables = {"PYTHON": str(fake), "GATE_CACHE": str(tmp_path / "cache"), "HOME": str(tmp_path)}
+    index = f"https://x:{TOKEN}@example.org/simple"
+    shell = ["bash", str(ACTION / "gate.sh"), "install"]
+    environment = {"PATH": os.environ["PATH"], **variables, "GATE_TORCH_INDEX": index}
+    subprocess.run(shell, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    calls = [line for line in (tmp_path / "log").read_text().splitlines() if " install " in line]
+    torch, ours = calls
+    assert torch.endswith(f" torch [{index}]")
+    assert ours.endswith("[]"), "other packages come from where pip finds them"
+    assert TOKEN not in torch.partition("[")[0] + ours

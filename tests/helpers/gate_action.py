@@ -46,17 +46,22 @@ class Mine:
         return Fitted(float(np.median([capture.photograph(view) for view in capture.train])))
     def load(self, folder): return Fitted(float((folder / "light.txt").read_text()))
 """
+CONTEXTS = {
+    "github.event.repository.default_branch": "main", "github.job": "gate", "strategy.job-index": "0",
+}  # fmt: skip
 _EXPRESSION = re.compile(r"\$\{\{ *([\w.-]+) *\}\}")
 
 
 @dataclass
 class Runner:
-    """A machine of GitHub's: one checkout, one home with what caches brought, and what steps have said."""
+    """Stand in for a machine of GitHub's: a checkout, a home with what caches brought, and what steps said."""
 
     workspace: Path
     home: Path
     inputs: Mapping[str, str]
     python: str = sys.executable
+    contexts: Mapping[str, str] = field(default_factory=lambda: dict(CONTEXTS))
+    """Values that GitHub gives a job."""
     outputs: dict[str, str] = field(default_factory=dict)
     uses: list[str] = field(default_factory=list)
     """Other actions that steps use; they are not run."""
@@ -68,6 +73,12 @@ class Runner:
         """Return the summary that steps have written for people."""
         path = self.home / "summary.md"
         return path.read_text() if path.exists() else ""
+
+    @property
+    def artifact(self) -> str:
+        """Return the name under which the run is kept."""
+        (kept,) = (step for step in _action()["runs"]["steps"] if "upload-artifact" in step.get("uses", ""))
+        return self._filled(kept["with"]["name"])
 
     def run(self) -> int:
         """Run all steps; return the exit code of the first that fails."""
@@ -115,8 +126,8 @@ class Runner:
         return _EXPRESSION.sub(lambda found: self._value(found[1]), value)
 
     def _value(self, name: str) -> str:
-        if name == "github.event.repository.default_branch":
-            return "main"
+        if name in self.contexts:
+            return self.contexts[name]
         if name.startswith("inputs."):
             default = str(_action()["inputs"][name.removeprefix("inputs.")]["default"])
             return self.inputs.get(name.removeprefix("inputs."), self._filled(default))
