@@ -54,7 +54,7 @@ _EXPRESSION = re.compile(r"\$\{\{ *([\w.-]+) *\}\}")
 
 @dataclass
 class Runner:
-    """Stand in for a machine of GitHub's: a checkout, a home with what caches brought, and what steps said."""
+    """Stand in for a machine of GitHub's: a checkout, a home with what caches brought, and words of steps."""
 
     workspace: Path
     home: Path
