@@ -10,7 +10,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -216,7 +216,8 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         settings = {name: value for name, value in made.settings.items() if name != RECORDED}
         known = made.settings.get(RECORDED, {})
         code = "" if "." in job.command.code else known.get("code_sha256", "")  # a run there grows
-        told = CommandSpec(job.command, made.method, settings, made.seed, job.scene, job.allowed, code)
+        told = CommandSpec(job.command, made.method, settings, made.seed, job.scene)
+        told = replace(told, allowed=job.allowed, code_sha256=code, reads_sha256=known.get("reads", {}))
         with _threads(job.threads):
             return fit_command(told, predictions, worker_progress(), job.jobs)
     priors = from_builtins(PriorSpec, made.priors)

@@ -6,8 +6,10 @@ import os
 import shutil
 import stat
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from graycard import MethodError
@@ -21,6 +23,8 @@ _NO_DATA = ("__pycache__", ".git")
 """Folders in what a command reads that change and decide nothing."""
 MOST = 20_000
 """Files that code may have: more are no code."""
+_SETTLED_S = 2.0
+"""Age of a change from which times of a file tell it from a later one: file systems round them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +115,32 @@ def digest(files: dict[str, str]) -> str:
 def hashes_of_reads(command: Command) -> dict[str, str]:
     """Return SHA-256 of each file or folder that a command reads in its place.
 
+    A process hashes a file once, and again when its size or its times have changed.
+
     Raises:
         MethodError: It is not there.
     """
     return {name: _hash_of(Path(name).expanduser().absolute()) for name in command.reads}
+
+
+def check_reads(command: Command, known: Mapping[str, str], grows: Path) -> None:
+    """Refuse what a command reads in its place where that is not what it was.
+
+    Args:
+        command: Names what it reads.
+        known: SHA-256 that each had; others are not looked at.
+        grows: Folder of the run: a folder around it changes with every job, and is let through.
+
+    Raises:
+        MethodError: It has changed, or is gone.
+    """
+    grown = grows.absolute()
+    names = [n for n in command.reads if n in known and Path(n).expanduser().absolute() not in grown.parents]
+    for name, found in hashes_of_reads(replace(command, reads=tuple(names))).items():
+        if found != known[name]:
+            raise MethodError(
+                f"expected {name} as it was when the bench began, got another. Start the bench again"
+            )
 
 
 def argv_of(text: str, interpreter: Interpreter, values: dict[str, object]) -> list[str]:
@@ -167,7 +193,7 @@ def _is_environment(folder: Path) -> bool:
 
 def _hash_of(path: Path) -> str:
     if path.is_file():
-        return _sha256(path)
+        return _known_sha256(path)
     if not path.is_dir():
         raise MethodError(f"expected a file or folder at {path}, got none. Mend `reads`")
     return digest(dict(_hashes_below(path)))
@@ -183,7 +209,21 @@ def _hashes_below(root: Path) -> Iterator[tuple[str, str]]:
             if path.is_symlink():
                 yield name, hashlib.sha256(os.fsencode(os.readlink(path))).hexdigest()
             elif path.is_file():
-                yield name, _sha256(path)
+                yield name, _known_sha256(path)
+
+
+def _known_sha256(path: Path) -> str:
+    """Return SHA-256 of a file that may be large, and that was probably hashed before."""
+    told = path.stat()
+    if time.time() - max(told.st_mtime, told.st_ctime) < _SETTLED_S:
+        return _sha256(path)
+    return _sha256_at(path, (told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns))
+
+
+@lru_cache(maxsize=MOST)
+def _sha256_at(path: Path, stamp: tuple[int, ...]) -> str:
+    """Return SHA-256 of a file that has some size and times."""
+    return _sha256(path)
 
 
 def _sha256(path: Path) -> str:

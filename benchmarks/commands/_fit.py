@@ -8,7 +8,7 @@ memory and time are limited, and it ends with all that it started.
 import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from graycard.benchmarks._handed import check_there, copied_capture, places_of, 
 from graycard.benchmarks.commands._code import (
     Interpreter,
     argv_of,
+    check_reads,
     code_of,
     digest,
     hashes_of_reads,
@@ -62,6 +63,8 @@ class CommandSpec:
     """Files and folders that it may read and change besides."""
     code_sha256: str = ""
     """SHA-256 that its code has to have, as :func:`introduction_of_command` found it; empty for any."""
+    reads_sha256: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 that what it reads in its place has to have before and after, as found there; none for any."""
 
 
 def introduction_of_command(command: Command, settings: Mapping[str, Any]) -> Introduction:
@@ -93,12 +96,14 @@ def fit_command(
         jobs: Folder of all jobs of a run, which are closed to it.
 
     Raises:
-        MethodError: It ends with another exit code than 0, too late, or without predictions.
+        MethodError: It ends with another exit code than 0, too late, or without predictions, or what it
+            reads is not what it was.
         PredictionError: Its predictions cannot be read.
         DatasetError: The scene is missing or damaged.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     with ExitStack() as things:
+        check_reads(spec.command, spec.reads_sha256, predictions)
         scratch, copies = things.enter_context(scratch_folder()), things.enter_context(scratch_folder())
         check_there([spec.scene])
         capture = things.enter_context(copied_capture(spec.scene / "capture", copies / "a" / "capture"))
@@ -112,6 +117,7 @@ def fit_command(
             finally:
                 _keep_log(course.logs, predictions.parent / LOG)
             access = _access(spec, process)
+        check_reads(spec.command, spec.reads_sha256, predictions)
         _take(spec, course, capture, predictions)
     return Cost(ran.seconds, ran.peak_mib, cpu_s=ran.cpu_s), access
 

@@ -24,12 +24,12 @@ from graycard.benchmarks import SuiteMethod, check_result, load_suite
 from graycard.benchmarks._handed import OPAQUE, copied_capture
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import FitJob, run_fit
-from graycard.benchmarks.commands._code import code_of, hashes_of_reads, interpreter_of
+from graycard.benchmarks.commands._code import check_reads, code_of, hashes_of_reads, interpreter_of
 from graycard.benchmarks.commands._command import Command
 from graycard.benchmarks.commands._fit import LOG, CommandSpec, fit_command, introduction_of_command
 from graycard.benchmarks.commands._handing import hand_over
 from graycard.cli import main
-from graycard.io import silent, write_layers
+from graycard.io import sha256, silent, write_layers
 from graycard.methods.confined import Ran
 from graycard.methods.confined._program import run_program
 from graycard.processes import landlock_version
@@ -391,6 +391,80 @@ def test_code_that_has_changed_since_the_bench_began_is_not_run(
     said = run_fit(fit).reason
     assert "as it was when the bench began, got another" in said
     assert "another ran" not in said
+
+
+READS_WEIGHTS = "import sys\nsys.exit('it read ' + open(sys.argv[3]).read())"
+
+
+def test_what_a_command_reads_is_what_it_was_when_the_bench_began(
+    make_scene: Callable[..., Path], tmp_path: Path
+):
+    scene, weights = make_scene(), tmp_path / "weights"
+    weights.write_text("first")
+    run = "python infer.py {capture} {out} {weights}"
+    command = command_of(tmp_path, READS_WEIGHTS, run=run, reads=(str(weights),))
+    known = introduction_of_command(command, {"weights": str(weights)})
+    job = Job("dark", scene.name, "theirs", 0, known.settings, f"$ {command.run}")
+    fit = FitJob(job, "hash", scene, tmp_path / "run" / "jobs" / "a", 1, command=command)
+    assert "it read first" in run_fit(fit).reason
+    weights.write_text("other")
+    said = run_fit(fit).reason
+    assert f"expected {weights} as it was when the bench began, got another" in said
+    assert "it read" not in said
+    weights.unlink()
+    assert f"expected a file or folder at {weights}, got none" in run_fit(fit).reason
+
+
+def test_what_a_command_reads_may_not_change_while_it_runs(
+    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    weights = tmp_path / "weights"
+    weights.write_text("first")
+    known = {str(weights): hashes_of_reads(Command(run="x", reads=(str(weights),)))[str(weights)]}
+
+    def done(course: Any, process: Any) -> Ran:
+        weights.write_text("other")
+        return Ran(0, 1.0, 1.0, 1.0, "", "")
+
+    monkeypatch.setattr("graycard.benchmarks.commands._fit._Course.done", done)
+    command = command_of(tmp_path, "", reads=(str(weights),))
+    with pytest.raises(MethodError, match="as it was when the bench began"):
+        fitted(command, make_scene(), tmp_path, reads_sha256=known)
+
+
+def test_large_files_are_hashed_again_where_they_have_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder = write_script(tmp_path / "reads", "1", "weights")
+    write_script(folder, "1", "others")
+    hour = time.time() - 3600
+    for path in folder.iterdir():
+        os.utime(path, (hour, hour))
+    monkeypatch.setattr("time.time", lambda now=time.time: now() + 60)  # what was made now has settled
+    hashed: list[str] = []
+
+    def counted(path: Path) -> str:
+        hashed.append(path.name)
+        return sha256(path)
+
+    monkeypatch.setattr("graycard.benchmarks.commands._code.sha256", counted)
+    command = Command(run="true {out}", reads=(str(folder),))
+    before = hashes_of_reads(command)
+    assert hashes_of_reads(command) == before
+    assert sorted(hashed) == ["others", "weights"], "once each"
+    (folder / "weights").write_text("2")
+    os.utime(folder / "weights", (hour, hour))
+    assert hashes_of_reads(command) != before, "as large and as old as it was"
+    assert hashed[2:] == ["weights"]
+
+
+def test_a_folder_around_the_run_may_grow(tmp_path: Path):
+    command = Command(run="true {out}", reads=(str(tmp_path),))
+    known = hashes_of_reads(command)
+    write_script(tmp_path / "run", "more", "log")
+    check_reads(command, known, tmp_path / "run" / "jobs" / "a")
+    with pytest.raises(MethodError, match="as it was"):
+        check_reads(command, known, tmp_path.parent / "elsewhere")
 
 
 READS: dict[str, Callable[[Path], object]] = {
