@@ -3,6 +3,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -15,6 +16,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
+OURS = {"dev", "docs", "test"}
+"""Extras for who works on graycard."""
 FOLDERS = ("benchmarks", "eval", "methods", "reports", "synth")
 MUST_NOT_KNOW = {
     "src/graycard/*.py": ("synth", "methods", "eval", "benchmarks", "reports"),
@@ -94,6 +97,52 @@ def test_a_light_installation_has_the_ranges_of_a_whole_one():
     assert light < whole
     left_out = {Requirement(line).name for line in whole - light}
     assert left_out == {"colour-science", "karellen-llvm-core", "mitsuba", "numba", "torch"}
+
+
+def texts() -> dict[str, str]:
+    """Return the source and the pages that users may meet, by path."""
+    paths = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
+    paths += [path for path in (ROOT / "src" / "graycard").rglob("*.py") if "/template/" not in str(path)]
+    paths += [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md"), *ROOT.glob("*.txt")]
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}
+
+
+def names_that_are_none(text: str, extras: dict[str, list[str]]) -> list[str]:
+    """Return names of extras in a text that do not exist, and packages in place of extras."""
+    named = [name for found in re.findall(r"graycard\[([\w, -]+)\]", text) for name in found.split(",")]
+    wrong = [name.strip() for name in named if name.strip() not in extras]
+    wanted = {Requirement(line).name: name for name in {*extras} - OURS for line in extras[name]}
+    installs = re.findall(r"pip install '?([A-Za-z][\w.-]*)(?=['`\s\"])", text)
+    return wrong + [name for name in installs if name in wanted and name != "graycard"]
+
+
+def test_messages_and_pages_name_extras_that_exist():
+    extras = read_project()["project"]["optional-dependencies"]
+    found = {path: wrong for path, text in texts().items() if (wrong := names_that_are_none(text, extras))}
+    assert found == {}
+    assert sum("graycard[" in text for text in texts().values()) > 12, "they are looked at"
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("pip install 'graycard[colmap]'", ["colmap"]),
+        ("pip install 'graycard[view,cuda]'", ["cuda"]),
+        ("Run `pip install matplotlib`", ["matplotlib"]),
+        ("pip install 'graycard[view, cameras]'", []),
+        ("pip install torch", []),
+    ],
+)
+def test_an_extra_that_is_none_is_seen(text: str, wrong: list[str]):
+    assert names_that_are_none(text, read_project()["project"]["optional-dependencies"]) == wrong
+
+
+def test_the_page_on_installation_lists_the_extras():
+    extras = read_project()["project"]["optional-dependencies"]
+    page = (ROOT / "docs" / "how-to" / "install.md").read_text()
+    assert {*re.findall(r"^\| `graycard\[(\w+)\]` \|", page, re.MULTILINE)} == {*extras} - OURS
+    (everything,) = map(Requirement, extras["all"])
+    assert everything.extras == {*extras} - OURS - {"all"}
 
 
 def test_each_pin_is_one_that_all_installed_packages_allow():

@@ -22,7 +22,7 @@ from graycard.machines._hand import Placed
 from graycard.processes import Limits, Outcome, StandingWorker
 from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
 
-pytest.importorskip("distributed", reason="needs distributed (`pip install graycard[cluster]`)")
+pytest.importorskip("distributed", reason="needs distributed (`pip install 'graycard[cluster]'`)")
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from kill_bench import TINY, Trial
 from kill_cluster import Cluster, differences, forget, kept, kill_while_running, reference_of
 from slurm_nodes import NODES, lacking, slurm
 
-pytest.importorskip("distributed", reason="needs distributed (`pip install graycard[cluster]`)")
+pytest.importorskip("distributed", reason="needs distributed (`pip install 'graycard[cluster]'`)")
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc"),
@@ -113,7 +113,7 @@ def block(begin: str) -> str:
 @pytest.mark.skipif(bool(lacking()), reason=lacking() or "Slurm is there")
 def test_batch_jobs_of_slurm_give_the_same_bits(trial: Trial, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two nodes, a worker each, by the file of the page."""
-    pytest.importorskip("dask_jobqueue", reason="needs dask-jobqueue (`pip install graycard[cluster]`)")
+    pytest.importorskip("dask_jobqueue", reason="needs dask-jobqueue (`pip install 'graycard[cluster]'`)")
     root = trial.root / "slurm"
     root.mkdir()
     monkeypatch.chdir(root)

@@ -106,10 +106,10 @@ def test_without_dask_it_says_what_to_install(
 ) -> None:
     monkeypatch.setattr("graycard.machines._clusters.find_spec", lambda name: None)
     spec = ClusterSpec("local") if kind == "local" else ClusterSpec("slurm", memory_gib=1.0)
-    with pytest.raises(MachineError, match=rf"expected {lacking}.*Run `pip install graycard\[cluster\]`"):
+    with pytest.raises(MachineError, match=rf"expected {lacking}.*Run `pip install 'graycard\[cluster\]'`"):
         check_installed(spec)
     assert main(["bench", "demo", "--scheduler", "local"]) == 2
-    assert "pip install graycard[cluster]" in capsys.readouterr().err
+    assert "pip install 'graycard[cluster]'" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(importlib.util.find_spec("dask_jobqueue") is None, reason="needs dask-jobqueue")

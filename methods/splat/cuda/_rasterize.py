@@ -72,7 +72,7 @@ def gsplat_kernels() -> Kernels:
     """
     if find_spec("gsplat") is None:
         raise MethodError(
-            "expected gsplat for the back end 'cuda', found none: pip install 'graycard[cuda]', or take 'cpu'"
+            "expected gsplat for the back end 'cuda', found none: pip install 'graycard[gpu]', or take 'cpu'"
         )
     if not torch.cuda.is_available():
         raise MethodError(

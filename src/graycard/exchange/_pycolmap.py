@@ -5,7 +5,7 @@ from typing import Any
 
 from graycard._errors import GraycardError
 
-INSTALL = "pip install 'graycard[colmap]'"
+INSTALL = "pip install 'graycard[cameras]'"
 
 
 def import_pycolmap(why: str) -> Any:

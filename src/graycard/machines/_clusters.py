@@ -51,7 +51,7 @@ def connected(spec: ClusterSpec, say: Callable[[str], None]) -> Iterator[Machine
         stack.callback(machines.close)
         machines.connect()
         if link := machines.dashboard:
-            lacks = "" if find_spec("bokeh") else " (empty without bokeh: `pip install bokeh`)"
+            lacks = "" if find_spec("bokeh") else " (empty without bokeh: `pip install 'graycard[cluster]'`)"
             say(f"dashboard: {link}{lacks}")
         yield machines
 
@@ -65,7 +65,8 @@ def check_installed(spec: ClusterSpec) -> None:
     wanted = ["distributed", *(["dask_jobqueue"] if spec.kind in _CLASSES else [])]
     if lacking := [name for name in wanted if find_spec(name) is None]:
         raise MachineError(
-            f"expected {' and '.join(lacking)} for --scheduler, got none. Run `pip install graycard[cluster]`"
+            f"expected {' and '.join(lacking)} for --scheduler, got none. "
+            "Run `pip install 'graycard[cluster]'`"
         )
 
 

@@ -27,7 +27,9 @@ def check_plotting() -> None:
         GraycardError: It is not installed.
     """
     if find_spec("matplotlib") is None:
-        raise GraycardError("expected matplotlib for a picture, got none. Run `pip install matplotlib`")
+        raise GraycardError(
+            "expected matplotlib for a picture, got none. Run `pip install 'graycard[figures]'`"
+        )
 
 
 @contextmanager

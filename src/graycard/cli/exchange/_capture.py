@@ -130,7 +130,7 @@ class ImportCommand:
     mask_object: MaskObject = "auto"
     """The side of masks that is the object: black, unless masks look inverted, which is an error (auto)."""
     find_cameras: bool = False
-    """FOLDER holds bare photographs: let COLMAP find their cameras (pip install 'graycard[colmap]')."""
+    """FOLDER holds bare photographs: let COLMAP find their cameras (pip install 'graycard[cameras]')."""
     dry_run: bool = False
     """Show the table of what would be done, and write nothing but --json."""
     json: Json = None
@@ -143,7 +143,10 @@ class ImportCommand:
         pictures = PictureOptions(self.orientation, self.background, self.exposures, self.mask_object)
         options = ImportOptions(self.hold_out, self.width, self.model, pictures)
         check_import(None if self.dry_run else self.out, self.track, self.scene, options)
-        with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
+        with (
+            terminal.progress(f"importing {self.scene}") as progress,
+            self._source(share(progress, 0, 2)) as source,
+        ):
             plan = plan_import(source, self.track, options)
             if self.dry_run:
                 rows = survey_import(plan, share(progress, 1, 2))
