@@ -9,6 +9,7 @@ from graycard.benchmarks._fit import FitSpec as FitSpec
 from graycard.benchmarks._fit import fit_scene as fit_scene
 from graycard.benchmarks._foreground import ask_apart as ask_apart
 from graycard.benchmarks._foreground import fit_apart as fit_apart
+from graycard.benchmarks._foreground import fit_words as fit_words
 from graycard.benchmarks._run_record import RunError as RunError
 from graycard.benchmarks._runner import Terms as Terms
 from graycard.benchmarks._runner import run_bench as run_bench

@@ -15,7 +15,7 @@ from graycard.benchmarks._handed import check_there, places_of, scratch_folder
 from graycard.benchmarks._jobs import guarded
 from graycard.io import silent
 from graycard.methods.confined import SERVE, confined
-from graycard.processes import USUAL, Limits, Outcome, run_all, worker_progress
+from graycard.processes import USUAL, Limits, Outcome, named, run_all, worker_progress
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +70,11 @@ def ask_apart(
     return outcome.value
 
 
+def fit_words(spec: FitSpec) -> str:
+    """Return what a fit is of."""
+    return f"{spec.label or spec.method} on {spec.scene.parent.name}/{spec.scene.name}"
+
+
 def fit_apart(
     spec: FitSpec,
     predictions: Path,
@@ -95,9 +100,8 @@ def fit_apart(
     """
     new = [folder for folder in (predictions, save) if folder is not None and not folder.exists()]
     try:
-        (outcome,) = run_all(
-            _fit, [_Asked(spec, predictions, save)], 1, progress, limits=limits, confines=SERVE
-        )
+        asked, told = _Asked(spec, predictions, save), named(progress, fit_words(spec))
+        (outcome,) = run_all(_fit, [asked], 1, told, limits=limits, confines=SERVE)
         if outcome.reason:
             raise MethodError(outcome.reason)
     except BaseException:

@@ -258,6 +258,8 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     for method in bench.suite.methods:
         if method.predictions:
             check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
+    rows = len(bench.suite.methods)
+    bench.progress(0.0, f"{bench.suite.name}: asking {rows} row{'s' * (rows != 1)} for their settings")
     told = bench.dataset, bench.run / "jobs", bench.jobs, bench.limits, bench.terms.allowed
     known = introduce(bench.suite.methods, *told)
     if bench.terms.budget == 1:

@@ -81,12 +81,12 @@ def render_scene(
     place = Place(Path(dataset), spec.track, scene_name(spec))
     if find_scene(spec, settings, dataset) is None:
         writable_folder(place.final.parent)
-        with file_lock(place.lock, lambda who: progress(0.0, f"{who} is at work on {place.scene}")):
+        with file_lock(place.lock, lambda who: progress(0.0, f"{who} is at work on it")):
             if find_scene(spec, settings, dataset) is None:
                 begun = time.process_time()
                 if _make(place, spec, settings, progress, threads):
                     on_cost(time.process_time() - begun)
-    progress(1.0, f"{place.scene} is there")
+    progress(1.0, "it is there")
     return place.final
 
 
@@ -199,7 +199,7 @@ def _make(
     if todo:
         use_renderer(threads, stamp["variant"])
     for number, rendering in todo:
-        progress(number / len(wanted), f"{place.scene} {rendering.doing}")
+        progress(number / len(wanted), f"picture {number + 1} of {len(wanted)}, {rendering.doing}")
         write_missing(rendering, truth)
     finish(place, content, stamp)
     promote(place)

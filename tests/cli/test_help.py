@@ -219,7 +219,7 @@ def test_each_shell_has_its_completion(shell: str, capsys: Capture):
 def test_what_a_method_says_of_its_progress_is_no_markup():
     """A tag that closes nothing would end the bench."""
     shown = io.StringIO()
-    with Terminal(err=Console(file=shown, force_terminal=True, width=80)).progress() as report:
+    with Terminal(err=Console(file=shown, force_terminal=True, width=80)).progress("suite x") as report:
         report(0.5, "[/red] [bold]half[/bold]")
     assert "[/red] [bold]half[/bold]" in shown.getvalue()
 

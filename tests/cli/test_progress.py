@@ -11,7 +11,7 @@ from rich.console import Console
 
 from graycard.cli._log import _clock, logged
 from graycard.cli._terminal import Terminal
-from graycard.processes import Ended, Outcome, part_of, run_all
+from graycard.processes import Ended, Outcome, named, part_of, run_all, worker_progress
 from graycard.processes._pool import words_of_job
 
 
@@ -22,7 +22,7 @@ def console() -> tuple[Console, io.StringIO]:
 
 def test_each_end_has_a_line_where_there_is_no_terminal():
     err, shown = console()
-    with logged(err, first_s=1e6, each_s=1e6) as report:
+    with logged(err, "gray on dark/a", first_s=1e6, each_s=1e6) as report:
         report(0.1, "fitting")
         report(0.25, Ended("1 of 4: dark/a gray, 1.0 s"))
         report(0.3, "fitting more")
@@ -34,24 +34,31 @@ def test_each_end_has_a_line_where_there_is_no_terminal():
 
 def test_quick_work_says_nothing():
     err, shown = console()
-    with logged(err) as report:
+    with logged(err, "gray on dark/a") as report:
         report(0.5, "checking")
     assert shown.getvalue() == ""
 
 
+def test_the_first_line_says_what_is_done_on_what():
+    err, shown = console()
+    with logged(err, "gray on dark/a", first_s=0.0, each_s=1e6):
+        threading.Event().wait(0.3)
+    assert re.fullmatch(r"\[0%, 0:00\] gray on dark/a\n", shown.getvalue())
+
+
 def test_work_that_says_nothing_is_said_to_go_on():
     err, shown = console()
-    with logged(err, first_s=0.0, each_s=0.02) as report:
+    with logged(err, "gray on dark/a", first_s=0.0, each_s=0.02) as report:
         report(0.5, "fitting 400 surfels")
         threading.Event().wait(0.5)
     lines = shown.getvalue().splitlines()
     assert len(lines) >= 2
-    assert {line.partition("] ")[2] for line in lines} <= {"starting", "fitting 400 surfels"}
+    assert {line.partition("] ")[2] for line in lines} <= {"gray on dark/a", "fitting 400 surfels"}
 
 
 def test_control_characters_and_numbers_that_are_none_hurt_nothing():
     err, shown = console()
-    with logged(err, first_s=1e6, each_s=1e6) as report:
+    with logged(err, "gray on dark/a", first_s=1e6, each_s=1e6) as report:
         report(float("nan"), Ended("\x1b[31mred"))
     assert shown.getvalue() == "[?, 0:00] \\x1b[31mred\n"
 
@@ -64,9 +71,9 @@ def test_times_are_said_as_a_clock_does(seconds: float, told: str):
 def test_a_terminal_shows_share_and_time_from_the_start():
     shown = io.StringIO()
     terminal = Terminal(err=Console(file=shown, force_terminal=True, width=100))
-    with terminal.progress() as report:
+    with terminal.progress("suite demo") as report:
         report(0.5, "fitting 1 of 2")
-    assert re.search(r"starting.* 0%.*0:00:00", shown.getvalue())
+    assert re.search(r"suite demo.* 0%.*0:00:00", shown.getvalue())
     assert re.search(r"fitting 1 of 2.* 50%", shown.getvalue())
 
 
@@ -94,10 +101,41 @@ def ends(job: Named) -> Outcome:
 def test_jobs_are_named_as_they_end():
     told: list[tuple[float, str]] = []
     run_all(ends, [Named("good"), Named("bad")], 1, lambda done, doing: told.append((done, doing)))
-    assert told[0] == (0.0, "0 of 2")
+    assert told[0] == (0.0, "0 of 2: good")
     assert re.fullmatch(r"1 of 2: good, \d+\.\d s", told[1][1])
-    assert told[2] == (1.0, "2 of 2: bad failed")
-    assert [isinstance(doing, Ended) for _, doing in told] == [False, True, True]
+    assert told[2] == (0.5, "1 of 2: bad")
+    assert told[3] == (1.0, "2 of 2: bad failed")
+    assert [isinstance(doing, Ended) for _, doing in told] == [False, True, False, True]
+
+
+@dataclass(frozen=True)
+class Nameless:
+    """A job that is the only one and has no name."""
+
+
+def works(job: object) -> Outcome:
+    """Say how far it is."""
+    worker_progress()(0.5, "half way")
+    return Outcome()
+
+
+@pytest.mark.parametrize(
+    ("job", "lines"),
+    [
+        (Named("dark/a gray"), ["0 of 1: dark/a gray", "0 of 1: dark/a gray: half way"]),
+        (Nameless(), ["starting a process", "half way"]),
+    ],
+)
+def test_jobs_that_say_how_far_they_are_are_named(job: object, lines: list[str]):
+    told: list[str] = []
+    run_all(works, [job], 1, lambda done, doing: told.append(doing))
+    assert told[:2] == lines
+
+
+def test_work_is_named_before_what_it_says():
+    told: list[tuple[float, str]] = []
+    named(lambda done, doing: told.append((done, doing)), "2dgs on dark/a")(0.5, "fitting 400 surfels")
+    assert told == [(0.5, "2dgs on dark/a: fitting 400 surfels")]
 
 
 def test_a_job_without_a_name_is_counted():
@@ -107,8 +145,28 @@ def test_a_job_without_a_name_is_counted():
 
 def test_what_is_left_is_counted_from_the_first_share_not_from_imports():
     err, shown = console()
-    with logged(err, first_s=1e6, each_s=1e6) as report:
+    with logged(err, "gray on dark/a", first_s=1e6, each_s=1e6) as report:
         threading.Event().wait(1.0)
         report(0.01, "fitting")
         report(0.1, Ended("a tenth"))
     assert re.fullmatch(r"\[10%, 0:01, about 0:00 left\] a tenth\n", shown.getvalue())
+
+
+def test_another_stage_has_a_pace_of_its_own():
+    err, shown = console()
+    with logged(err, "goris on tabletop/a", first_s=1e6, each_s=1e6) as report:
+        report(0.01, "colours")
+        report(0.99, "colours")
+        threading.Event().wait(0.3)
+        report(0.0, "light")
+        report(0.1, Ended("a tenth"))
+    assert re.fullmatch(r"\[10%, 0:00, about 0:00 left\] a tenth\n", shown.getvalue())
+
+
+def test_what_was_found_done_sets_no_pace():
+    err, shown = console()
+    with logged(err, "suite demo", first_s=1e6, each_s=1e6) as report:
+        threading.Event().wait(0.7)
+        report(0.5, "fitting 0 of 20: dark/a gray")
+        report(0.53, Ended("1 of 20"))
+    assert re.fullmatch(r"\[53%, 0:01, about 0:00 left\] 1 of 20\n", shown.getvalue())

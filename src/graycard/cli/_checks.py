@@ -92,7 +92,7 @@ class CheckResultCommand:
         from graycard.benchmarks import RULES, check_result
 
         salt = None if self.salt is None else salt_in(self.salt, terminal)
-        with terminal.progress() as progress:
+        with terminal.progress(f"checking {self.run_folder}") as progress:
             found = check_result(self.run_folder, progress, rescore=self.rescore, salt=salt)
         lacking = Counter[str]()
         for breach in found.breaches:
@@ -149,7 +149,7 @@ class PublishCommand:
         from graycard.reports import publish_run
 
         salt = None if self.salt is None else salt_in(self.salt, terminal)
-        with terminal.progress() as progress:
+        with terminal.progress(f"checking {self.run_folder}") as progress:
             found = check_result(self.run_folder, progress, salt=salt)
         for breach in found.breaches:
             terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")

@@ -20,7 +20,7 @@ FIRST_S = 1.0
 EACH_S = 30.0
 """Longest time without a line."""
 EARLY = 0.1
-"""A first share up to this begins the count of the pace; a larger one is the end of a whole job."""
+"""A first share beyond this with which a job ends was done since the start; any other was found done."""
 
 
 @dataclass(eq=False)
@@ -28,23 +28,27 @@ class _Log:
     """The lines of one piece of work."""
 
     console: Console
+    doing: str
     each_s: float
     started: float = field(default_factory=time.monotonic)
     due: float = 0.0
     done: float = 0.0
     base: tuple[float, float] | None = None
-    """When the first share was done, and what share: the pace counts from there, not from compilation."""
-    doing: str = "starting"
+    """Time and share from which the pace counts: after compilation, and after what was found done."""
     ended: threading.Event = field(default_factory=threading.Event)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def report(self, done: float, doing: str, /) -> None:
         """Note how far the work is; say it if something has ended, or if nothing was said for long."""
         with self.lock:
+            ended = isinstance(doing, Ended)
+            if done < self.done:  # another stage of the work, with a pace of its own
+                self.base = time.monotonic(), done
+            elif self.base is None and done > 0:
+                whole = ended and done > EARLY
+                self.base = (self.started, 0.0) if whole else (time.monotonic(), done)
             self.done, self.doing = done, doing
-            if self.base is None and done > 0:
-                self.base = (time.monotonic(), done) if done <= EARLY else (self.started, 0.0)
-            if isinstance(doing, Ended) or time.monotonic() >= self.due:
+            if ended or time.monotonic() >= self.due:
                 self.say()
 
     def say(self) -> None:
@@ -67,15 +71,18 @@ class _Log:
 
 
 @contextmanager
-def logged(console: Console, first_s: float = FIRST_S, each_s: float = EACH_S) -> Iterator[Progress]:
+def logged(
+    console: Console, doing: str, first_s: float = FIRST_S, each_s: float = EACH_S
+) -> Iterator[Progress]:
     """Write lines on how work goes for the length of a block.
 
     Args:
         console: Where to.
+        doing: What is done on what, until the work says more.
         first_s: Time after which work is worth a line.
         each_s: Longest time without a line.
     """
-    log = _Log(console, each_s)
+    log = _Log(console, doing, each_s)
     log.due = log.started + first_s
     watch = threading.Thread(target=log.watch, daemon=True)
     watch.start()

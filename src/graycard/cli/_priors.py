@@ -76,7 +76,7 @@ class TrainPriorCommand:
         except ValueError as error:
             raise GraycardError(str(error)) from error
         views, seconds = self.out / "views", float("inf") if self.minutes is None else 60 * self.minutes
-        with terminal.progress() as progress:
+        with terminal.progress(f"pictures of {len(training) + len(validation)} training scenes") as progress:
             render_views([*training, *validation], ViewSettings(), views, progress)
             shown = read_views(training, views), read_views(validation, views)
             record = train(*shown, settings, self.out, progress, seconds)
@@ -118,7 +118,7 @@ class PriorErrorsCommand:
             raise GraycardError(f"expected 1 or more views and scenes, got {self.views} and {len(scenes)}")
         sources = self.priors or SOURCES
         check_sources(sources)
-        with terminal.progress() as progress:
+        with terminal.progress(f"priors on {len(scenes)} scenes") as progress:
             found = measure_priors(scenes, sources, self.views, progress)
         heads = [f"{kind} {unit}" for kind, units in UNITS.items() for unit in units]
         table = new_table("track", "shown", "source", *heads)

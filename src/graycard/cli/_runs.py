@@ -119,7 +119,7 @@ class FitCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Fit, then render every view."""
-        from graycard.benchmarks import FitSpec, fit_apart
+        from graycard.benchmarks import FitSpec, fit_apart, fit_words
         from graycard.dataset import check_scene
         from graycard.io import remove_leftovers
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
@@ -130,14 +130,15 @@ class FitCommand:
             if folder is not None:
                 check_scene(folder)
         limits = limits_of(self.timeout, self.memory)
-        settings, asks = self._told(rest, limits)
+        with terminal.progress(f"{self.method}: asking for its settings"):
+            settings, asks = self._told(rest, limits)
         priors = parse_priors(self.priors)
         spec = FitSpec(
             self.method, settings, self.seed, self.scene, priors=priors, donor=self.donor, allowed=self.allow
         )
         remove_leftovers(self.out)
         try:
-            with terminal.progress() as progress:
+            with terminal.progress(fit_words(spec)) as progress:
                 cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         finally:  # a fit that fails is killed
             remove_leftovers(self.out)

@@ -13,9 +13,10 @@ from rich.table import Table
 
 from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
-from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
+from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
 from graycard.predictions import INDEX as PREDICTIONS
+from graycard.processes import named
 
 if TYPE_CHECKING:
     from graycard.synth.verify import VerifyVerdict
@@ -94,14 +95,16 @@ class RenderCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
         from graycard.dataset import open_truth
-        from graycard.synth import clear_leftovers, find_llvm, render_scene
+        from graycard.synth import clear_leftovers, find_llvm, render_scene, scene_name
 
         jobs, noisy, made = self._jobs(rest, terminal), 0, []
         clear_leftovers(self.out)
         terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
-            with terminal.progress() as progress:
-                folder = render_scene(spec, settings, self.out, share(progress, number, len(jobs)))
+            name = f"{spec.track}/{scene_name(spec)}"
+            words = f"{number + 1} of {len(jobs)}: {name}" if len(jobs) > 1 else name
+            with terminal.progress(f"{words}: building the scene") as progress:
+                folder = render_scene(spec, settings, self.out, named(progress, words))
             ceiling = open_truth(folder / "truth", check=False).noise_ceiling or 0.0
             terminal.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
             made.append({"scene": folder, "noise_ceiling_db": ceiling, "wanted_db": wanted})
@@ -177,7 +180,7 @@ class VerifyCommand:
             raise GraycardError(
                 f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render"
             )
-        with terminal.progress() as progress:
+        with terminal.progress(f"verifying {self.dataset}") as progress:
             verdict = verify_dataset(self.dataset, self.views, self.render, progress)
         terminal.out.print(_verdict_table(verdict))
         write_optional_json(self.json, verdict)
@@ -242,7 +245,7 @@ class LookCommand:
         _refuse_predictions(self.dataset)
         dataset = self.dataset.resolve().parents[1] if is_scene(self.dataset) else self.dataset
         out = self.out or dataset / "look"
-        with terminal.progress() as progress:
+        with terminal.progress(f"drawing contact sheets of {self.dataset}") as progress:
             sheets = write_contact_sheets(self.dataset, out, progress)
         for sheet in sheets:
             terminal.out.print(sheet.as_posix())

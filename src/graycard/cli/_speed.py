@@ -69,7 +69,7 @@ class SpeedCommand:
         from graycard.benchmarks.speed import measure_scoring
 
         size, repeats = (64, 1) if self.quick else (512, self.repeats)
-        with terminal.progress() as progress:
+        with terminal.progress("measuring the scoring") as progress:
             costs = measure_scoring(size, repeats, progress)
         table = new_table("track", "family", "pixels", "scores", "sheet s", "view s", "of it reading", "MiB")
         for c in costs:
@@ -89,7 +89,7 @@ class SpeedCommand:
         from graycard.benchmarks.speed import growth, measure_second_stages
 
         sizes, steps, surfels = ((16, 32), 2, 100) if self.quick else ((112, 256), 8 * self.repeats, 5000)
-        with terminal.progress() as progress:
+        with terminal.progress("measuring second stages of methods") as progress:
             costs = measure_second_stages(sizes, steps, surfels, progress)
         table = new_table("method", "pixels", "ms a step", "least", *costs[0].parts)
         for c in costs:
@@ -108,7 +108,7 @@ class SpeedCommand:
         from graycard.benchmarks.speed import measure_records
 
         rows, scenes = (2, 6) if self.quick else (40, 40)
-        with terminal.progress() as progress:
+        with terminal.progress("measuring verbs on large records") as progress:
             costs = measure_records(rows, scenes, progress)
         table = new_table("verb", "CPU s", "peak MiB")
         for c in costs:
@@ -125,7 +125,7 @@ class SpeedCommand:
     def _truth(self, terminal: Terminal) -> int:
         from graycard.benchmarks.speed import measure_truth
 
-        with terminal.progress() as progress:
+        with terminal.progress("measuring the rendering of truth") as progress:
             costs = measure_truth(repeats=self.repeats, progress=progress)
         table = new_table("track", "family", "lights", "path s", "separated s", "ratio", "CPU ratio")
         for c in costs:
@@ -148,7 +148,7 @@ class SpeedCommand:
             check_plotting()
         if self.plot is not None and self.plot.suffix.lower() != ".svg":
             raise GraycardError(f"expected --plot with a name that ends in .svg, got {self.plot}. Rename it")
-        with terminal.progress() as progress:
+        with terminal.progress("measuring the surfel engine") as progress:
             speed = measure_engine(self._plan(), progress)
         for table in engine_tables(speed):
             terminal.out.print(table.title)

@@ -84,18 +84,22 @@ class Terminal:
             self.err.print(f"advice: {advice}")
 
     @contextmanager
-    def progress(self) -> Iterator[Progress]:
-        """Show what is done, how far and how long, by a bar or by lines of a log, while a block runs."""
+    def progress(self, doing: str) -> Iterator[Progress]:
+        """Show what is done, how far and how long, by a bar or by lines of a log, while a block runs.
+
+        Args:
+            doing: What is done on what, until the work says more.
+        """
         if self.err.is_terminal:
-            with _bar(self.err) as report:
+            with _bar(self.err, doing) as report:
                 yield report
         else:
-            with logged(self.err) as report:
+            with logged(self.err, doing) as report:
                 yield report
 
 
 @contextmanager
-def _bar(console: Console) -> Iterator[Progress]:
+def _bar(console: Console, doing: str) -> Iterator[Progress]:
     """Show a bar for the length of a block: what, how far, since when and for how long still."""
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -106,7 +110,7 @@ def _bar(console: Console) -> Iterator[Progress]:
         TimeRemainingColumn(),
     )
     with ProgressBar(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
+        task = bar.add_task(printable(doing), total=1.0)
 
         def report(done: float, doing: str, /) -> None:
             bar.update(task, completed=done, description=printable(doing))

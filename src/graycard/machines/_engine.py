@@ -214,6 +214,7 @@ class _Course:
             self.out[number] = self.machines.client.submit(
                 do_errand, *given, key=name, resources=self.machines.spec.resources or None, pure=False
             )
+            self.progress(len(self.outcomes) / len(self.jobs), self._at(number))
 
     def _count(self) -> None:
         """Count the threads of workers, now and then; tell the user if nothing can be done."""
@@ -250,9 +251,13 @@ class _Course:
         if outcome.fatal:
             raise MachineError(outcome.reason)
         self.outcomes[number] = outcome
+        words = self._at(number) + " failed" * bool(outcome.reason)
+        self.progress(len(self.outcomes) / len(self.jobs), Ended(words))
+
+    def _at(self, number: int) -> str:
+        """Return how many jobs have ended, and the name of one."""
         done = f"{len(self.outcomes)} of {len(self.jobs)}"
-        words = ": ".join(filter(None, (done, getattr(self.jobs[number], "words", ""))))
-        self.progress(len(self.outcomes) / len(self.jobs), Ended(words + " failed" * bool(outcome.reason)))
+        return ": ".join(filter(None, (done, getattr(self.jobs[number], "words", ""))))
 
     def _note_error(self, number: int, future: "Future") -> None:
         from distributed import KilledWorker

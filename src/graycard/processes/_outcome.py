@@ -33,6 +33,11 @@ def part_of(progress: Progress, number: int, of: int, doing: str) -> Progress:
     return report
 
 
+def named(progress: Progress, words: str) -> Progress:
+    """Return progress in words that begin with what is worked on."""
+    return lambda done, doing: progress(done, f"{words}: {doing}")
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """The outcome of a job: a value, or the reason of its failure."""

@@ -173,6 +173,7 @@ class _Pool:
                     self.workers.append(free := _start(self.work, self.limits, self.confines))
             number = self.todo.popleft()
             free.give(number, self.jobs[number], self.limits.time_s)
+            self.tell(self._at(number) or "starting a process")
 
     def _await(self) -> None:
         """Wait until something happens to a worker, and take note of it."""
@@ -194,7 +195,7 @@ class _Pool:
         message = worker.heard()
         if isinstance(message, Step):
             worker.done = message.done
-            self.tell(f"{self.counted}: {message.doing}" if self.counted else message.doing)
+            self.tell(": ".join(filter(None, (self._at(worker.job), message.doing))))
         elif message is None:
             _await_end(worker.process)
             self._close(worker, Outcome(reason=words_of_end(worker.process.exitcode)))
@@ -227,6 +228,11 @@ class _Pool:
         if len(self.jobs) == 1 and not hasattr(self.jobs[0], "words"):
             return ""
         return f"{len(self.outcomes)} of {len(self.jobs)}"
+
+    def _at(self, number: int | None) -> str:
+        """Return how many jobs have ended, and the name of one; empty for a single one without a name."""
+        words = "" if number is None else getattr(self.jobs[number], "words", "")
+        return ": ".join(filter(None, (self.counted, words)))
 
     def tell(self, doing: str) -> None:
         """Report the share of all jobs that is done."""
@@ -280,7 +286,6 @@ def run_all(
     end_orphans()
     if todo:
         pool = _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines)
-        pool.tell(pool.counted or "starting")
         pool.run(at_a_time)
     return [outcomes[number] for number in range(len(jobs))]
 

@@ -69,7 +69,7 @@ class AdoptCommand:
             star=self.star or "",
             method=self.method or "",
         )
-        with terminal.progress() as progress:
+        with terminal.progress(f"adopting {self.folder}") as progress:
             made = adopt(request, self.out, progress)
         hints = _as_written(find_hints(made.predictions, self.scene), made)
         write_optional_json(self.json, {"adopted": made, "hints": hints})

@@ -105,12 +105,13 @@ class BenchCommand:
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         jobs = usable_cores() if self.jobs is None else self.jobs
         terminal.advise(find_llvm().advice)
-        with self._machines(jobs, terminal) as machines, terminal.progress() as progress:
+        with self._machines(jobs, terminal) as machines, terminal.progress(f"suite {self.suite}") as progress:
             course = _Course(jobs, progress, machines, terminal)
             if self.only is not None:
                 return self._part(course, salt)
             run, record = self._pursue(course) if self.until_decided else self._bench(course, salt)
-        report = write_report(run)
+        with terminal.progress(f"drawing the report of {run}"):
+            report = write_report(run)
         for first, *more in run_lines(record):
             terminal.say(f"warning: {first}", *more)
         failures = failed_lines(record.results)

@@ -108,7 +108,7 @@ class TestMethodCommand:
         if not self._is_command():
             self._refuse_parts()
             priors = None if self.priors is None else parse_priors(self.priors)
-            with terminal.progress() as progress:
+            with terminal.progress(f"checking {self.method}: importing it") as progress:
                 return check_method(self.method, settings, priors, progress, **told)
         if self.priors is not None:
             raise GraycardError("expected no --priors for a command, which is told none. Leave it out")

@@ -83,7 +83,7 @@ def _warm(terminal: Terminal) -> str:
     """Compile all kernels that the cache lacks, and say how many jobs that were."""
     from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
 
-    with terminal.progress() as progress:
+    with terminal.progress("looking for kernels to compile") as progress:
         compiled = warm_kernels(progress=progress)
     return f"{len(compiled)} jobs compiled" if compiled else "nothing to compile"
 
@@ -93,7 +93,7 @@ def _fetch(terminal: Terminal, name: str) -> str:
 
     if state_of(find_set(name)) == "fetched":
         return "are here"
-    with terminal.progress() as progress:
+    with terminal.progress(f"weights {name}") as progress:
         files = fetch_weights(name, None, progress)
     return f"fetched, {sum(path.stat().st_size for path in files) / 1e6:.0f} MB"
 

@@ -32,7 +32,7 @@ class WeightsCommand:
         if self.name is None:
             return self._list(terminal)
         chosen = find_set(self.name)
-        with terminal.progress() as progress:
+        with terminal.progress(f"weights {chosen.name}") as progress:
             files = fetch_weights(chosen.name, self.from_, progress)
         for path in files:
             terminal.out.print(f"{path} ({path.stat().st_size / 1e6:.0f} MB)")

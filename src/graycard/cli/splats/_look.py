@@ -96,7 +96,7 @@ class TurntableCommand:
         cameras, fitted = list(_cameras(self.scene).values()), open_fitted(self.folder)
         path = orbit(fitted.surfels.shapes.centres.numpy(), self.frames, self.size, cameras)
         drawn, white = [], None
-        with terminal.progress() as progress:
+        with terminal.progress(f"drawing {self.frames} pictures of {self.folder}") as progress:
             for done, camera in enumerate(path):
                 progress(done / len(path), "drawing")
                 values = fitted.decomposition.render(camera, [self.layer])[self.layer]

@@ -69,7 +69,7 @@ class SplatCommand:
             terminal.advise(f"properties that are not looked at: {', '.join(splat.unused)}")
         for doubt in splat.doubts:
             terminal.advise(doubt)
-        with terminal.progress() as progress:
+        with terminal.progress(f"{self.file} on {capture.track}/{capture.scene}") as progress:
             drawn = write_splat_predictions(splat, capture, self.out, progress, look, self.name)
         if drawn.unseen:
             terminal.advise(
