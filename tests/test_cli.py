@@ -225,7 +225,7 @@ def test_a_fit_that_is_told_to_end_leaves_nothing_behind(tiny_scenes: dict[str, 
 
 
 def test_a_reader_that_has_seen_enough_is_no_traceback():
-    """As of ``graycard methods goris | head -1``."""
+    """Pipes of ``graycard methods goris | head -1`` end so."""
     shown = [sys.executable, "-m", "graycard", "methods", "goris"]
     with subprocess.Popen(shown, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

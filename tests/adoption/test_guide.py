@@ -63,7 +63,7 @@ WRITERS: dict[str, Callable[[Path, Path, Path], None]] = {
     "theirs-arrays": write_arrays, "theirs-exr": write_exr, "theirs-depth": write_depth,
 }  # fmt: skip
 TOLERANCES = {"theirs-2dgs": 0.01, "theirs-gs-ir": 0.01, "theirs-depth": 6e-4}
-"""Of values, where files have 8 bits or whole millimetres."""
+"""Relative bounds on values, for files of 8 bits or whole millimetres."""
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -37,7 +37,7 @@ class Case:
     wrong: str
     says: str
     declare: str = ""
-    """What the hint advises; ``right`` where it is empty."""
+    """Declaration that the hint advises; ``right`` if empty."""
 
     def __str__(self) -> str:
         return self.name

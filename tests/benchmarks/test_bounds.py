@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a vector a point can tell which lights reach it: cases that are known, and a scene."""
+"""A vector a point and the lights that reach it: known cases, and a scene."""
 
 from collections.abc import Callable
 from dataclasses import replace

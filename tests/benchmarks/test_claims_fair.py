@@ -138,7 +138,7 @@ def test_beta_and_the_prior_of_the_albedo_are_judged_where_they_act() -> None:
 
 
 def test_normals_of_the_prior_are_the_slopes_of_its_depth_in_all_rows_of_sunfaded() -> None:
-    """As in the paper, where both come from one network."""
+    """The paper takes both from one network."""
     told = [
         m for m in load_suite("claims-dark").methods if m.name == "sunfaded" and m.priors.source != "none"
     ]

@@ -34,7 +34,7 @@ SAID = {
     "goris-object-mask-4": 30.0, "removal-object-mask-4": 27.5, "do-nothing": 22.0,
     "goris-plain": 31.5,
 }  # fmt: skip
-"""What would go with the paper's words where it prints no figure."""
+"""Values that go with the paper's words, which print no figure."""
 OTHERS = (
     "removal",
     "grouping",
@@ -89,7 +89,7 @@ def run_of(table: Mapping[str, Mapping[str, float]], scenes: tuple[SceneRecord, 
 
 
 def verdicts(table: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
-    """Of goris.toml, and of goris-robust.toml what it judges in its place."""
+    """Return verdicts of goris.toml, and those that goris-robust.toml has in their place."""
     run = run_of(table)
     found = [*judge_paper(load_claims("goris"), run), *judge_paper(load_claims("goris-robust"), run)]
     return {claim.id: claim.verdict for claim in found if claim.id != "RA1"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What methods count is part of the cost of a fit."""
+"""Counts of methods are part of the cost of a fit."""
 
 from pathlib import Path
 

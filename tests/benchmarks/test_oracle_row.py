@@ -66,7 +66,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Pa
 
 @pytest.fixture(scope="module")
 def fitted(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Fitted, Path, Path]:
-    """What is recorded of the fit, its predictions, and the saved oracle."""
+    """Return the record of the fit, its predictions, and the saved oracle."""
     folder = tmp_path_factory.mktemp("fitted")
     spec = FitSpec("truth", {}, 0, scene)
     return fit_scene(spec, folder / "p", silent, folder / "saved"), folder / "p", folder / "saved"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How times are taken: what counts, what does not, and what it is measured against."""
+"""Timing: time that counts, time that does not, and the measure beside it."""
 
 import itertools
 import time

@@ -22,7 +22,7 @@ JOB = Job("dark", "tiny-0000", "official", 0, {})
 
 @pytest.fixture
 def given(tiny_run: Path, tmp_path: Path) -> Path:
-    """What another program might have made: what ``retinex`` has, without a list of its files."""
+    """Predictions that another program might have made: those of ``retinex`` without a list of files."""
     for job in tiny_run.glob("jobs/*/*/retinex-*"):
         track, scene = job.parent.parent.name, job.parent.name
         folder = tmp_path / "given" / track / scene
@@ -136,7 +136,7 @@ def write_given(folder: Path, **index: object) -> Path:
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """Where predictions of the job's scene lie in a folder of those of many."""
+    """Return the place of the job's scene in a folder with predictions of many."""
     return tmp_path / "given" / JOB.track / JOB.scene
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many jobs a process does, what its death costs, and what it leaves behind: nothing."""
+"""Workers: their number of jobs, the cost of their death, and nothing left behind."""
 
 import os
 import signal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the truth's noise allows: what a noise-free prediction scores, and who is accused of being better."""
+"""Ceilings by the truth's noise: scores of a noise-free prediction, and warnings for better ones."""
 
 import math
 from collections.abc import Callable

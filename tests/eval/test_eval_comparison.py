@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run's score sheets say of its methods, on runs made by hand."""
+"""Comparison of methods by their score sheets, on runs made by hand."""
 
 import math
 from collections.abc import Mapping, Sequence

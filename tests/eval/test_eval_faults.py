@@ -28,7 +28,7 @@ TRAINING = "training_view.psnr"
 
 
 def judged(metric: Metric[Any]) -> bool:
-    """Whether the scene has an image metric, by its layers alone."""
+    """True if the scene has an image metric, by its layers alone."""
     rule = metric.rule
     if not metric.available() or (isinstance(rule, ImageRule) and rule.chart):
         return False
@@ -45,7 +45,7 @@ LIGHT_METRICS = tuple(m for m in ge.registry() if isinstance(m.rule, LightRule) 
 """Those that a scene with a point light alone has."""
 LIGHTS = tuple(m.id for m in LIGHT_METRICS)
 PARTNERED = {m.id: m.rule.price for m in LIGHT_METRICS if m.rule.error}
-"""What a missed light counts."""
+"""Price of a missed light."""
 GAUGED = tuple(m.id for m in ge.registry() if judged(m) and m.gauge)
 GAUGED_TOO = (*GAUGED, *(m.id for m in LIGHT_METRICS if m.gauge))
 

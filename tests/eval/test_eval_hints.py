@@ -27,11 +27,11 @@ HANDED_IN = (
 )  # fmt: skip
 RECEIVED = ("shading.psnr", "irradiance.psnr")
 ALBEDO = ("albedo.", "light.intensity.channel", *RECEIVED)
-"""What albedo is multiplied by, light is divided by."""
+"""Metrics that see a factor on albedo, by which light is divided."""
 GAINED = ("albedo.psnr.raw", "light.intensity.channel", *RECEIVED)
-"""What one factor on albedo reaches; all else has a gauge."""
+"""Metrics that one factor on albedo reaches; all others have a gauge."""
 VIEWS = ("novel_view.", "training_view.", "light_off.")
-"""What the radiance of a view is in."""
+"""Metrics of the radiance of a view."""
 PIXELS = (
     *VIEWS, "albedo.", "normal.", "depth.", "roughness.", "metallic.", "counterfactual.", *RECEIVED,
     "light_share.psnr", "light_off.",

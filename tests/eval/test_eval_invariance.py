@@ -70,7 +70,7 @@ BESIDE = {
     **{name: np.random.default_rng(5).uniform(0, 0.1, (2, *SHAPE))[k] for k, name in enumerate(MIRRORED)},
     **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
 }
-"""What metrics with rules of their own ask the truth for."""
+"""Layers that metrics with rules of their own ask the truth for."""
 LIGHTS = tuple(
     SpotLight(f"s{i}", (float(i), 0.2 * i, 1.0), (0.1 * i, 0.2, -1), (3.0, 2.0, 1.0 + i), 20, 30)
     for i in range(3)
@@ -91,7 +91,7 @@ CASES: tuple[Invariance, ...] = get_args(Invariance)
 
 
 def acted_on(name: str, values: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """What an element of a group makes of a layer; a layer of one channel takes the first factor."""
+    """Return a layer under an element of a group; a layer of one channel takes the first factor."""
     scale = factors if values.ndim == 3 else factors[0]
     return values / scale if name in RECEIVED else values * scale
 
@@ -174,7 +174,7 @@ def training_score(metric: Metric[TrainingRule], factors: np.ndarray) -> float |
 
 @dataclass(frozen=True)
 class Stub:
-    """What light scores ask of predictions and truth."""
+    """Answers that light scores ask predictions and truth for."""
 
     found: tuple[Light, ...]
     views: tuple[View, ...] = (VIEW,)
@@ -216,7 +216,7 @@ SCORES: dict[type, Callable[..., float | None]] = {
     LightRule: light_score,
     EnvironmentRule: environment_score,
 }
-"""How a made-up prediction is judged, by the kind of metric."""
+"""Judges of a made-up prediction, by the kind of metric."""
 
 
 SCORABLE = [p for p in PUBLISHED if not isinstance(p, LpipsProtocol) or has_lpips(p.net)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where lights point, how large they are and what colour they have: closed forms."""
+"""Direction, size and colour of lights: closed forms."""
 
 from dataclasses import replace
 

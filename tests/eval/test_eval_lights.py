@@ -111,7 +111,7 @@ def test_a_channel_without_light_has_no_ratio() -> None:
 
 @dataclass(frozen=True)
 class Stub:
-    """What light scores ask of predictions and truth."""
+    """Answers that light scores ask predictions and truth for."""
 
     found: tuple[LocalLight, ...]
     views: tuple[View, ...] = tuple(View(f"v{i}", "test", c) for i, c in enumerate(CAMERAS))
@@ -136,7 +136,7 @@ def spots(factors: Sequence[float], turns: Sequence[float]) -> tuple[LocalLight,
 
 PANEL = RectangleLight("panel", (3, 0, 2), (0.5, 0, 0), (0, -0.5, 0), (4, 4, 4))
 MISSED = {metric.id: metric.rule.price for metric in METRICS if metric.rule.error}
-"""What a true light counts that no predicted one stands for."""
+"""Price of a true light that no predicted one stands for."""
 HARD_TRUTH = (*spots((1, 1, 1), (0, 0, 0)), PANEL)
 
 

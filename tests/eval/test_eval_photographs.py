@@ -57,7 +57,8 @@ def test_held_out_photographs_are_kept_beside_the_capture(cellar: Path) -> None:
 
 
 def test_psnr_is_that_of_scikit_image(cellar: Path, tmp_path: Path) -> None:
-    """As displayed, from the mean square error of all views; and as taken, which has the files' own codes."""
+    """Displayed values, with the mean square error of all views; and values as taken, by the files' own
+    codes."""
     sheet = score_photographs(predict_photographs(tmp_path / "mine", cellar, noisy), cellar)
     held = open_held_out(cellar)
     found = {score.metric: score for score in sheet.scores}

@@ -37,7 +37,7 @@ def table() -> Layers:
 
 
 def shares_left(picture: np.ndarray, layers: Layers) -> tuple[float, float]:
-    """What both metrics say of a picture, signed."""
+    """Return both metrics of a picture, signed."""
     true = TrueView(VIEW, layers, frozenset())
     found = [metric.compute(picture, metric.prepare(true, EXPOSURE)) for metric in (MIRROR, SHADOW)]
     assert [abs(each.parts["signed"]) for each in found] == [each.value for each in found]

@@ -144,7 +144,7 @@ def test_grey_with_alpha_of_16_bits(tmp_path: Path):
 
 
 def test_alpha_of_exr_and_of_tiff_is_in_the_colours_already(tmp_path: Path):
-    """What is stored is light × alpha; on white, 1 - alpha comes on top."""
+    """Files store light × alpha; on white, 1 - alpha comes on top."""
     light, alpha = rng.random((5, 6, 3)).astype(np.float32), np.float32(0.25)
     stored = np.dstack([light * alpha, np.full((5, 6), alpha)]).astype(np.float32)
     write_exr(tmp_path / "a.exr", {"RGBA": stored})

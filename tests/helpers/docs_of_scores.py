@@ -20,7 +20,7 @@ WIDTH, ROW, LEFT, RIGHT, TOP = 760, 24, 130, 20, 60
 LOW, HIGH = 10, 40
 """dB at the ends of the axis."""
 COLOURS = ("#4477aa", "#228833", "#ee6677")
-"""Of Paul Tol's bright scheme, which the colour-blind can tell apart."""
+"""Colours of Paul Tol's bright scheme, which the colour-blind can tell apart."""
 
 
 def metric_table() -> str:

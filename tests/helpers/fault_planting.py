@@ -33,9 +33,9 @@ class Fault:
     name: str
     track: str
     check: str
-    """Which must fail."""
+    """Name of the check that must fail."""
     says: str
-    """What must stand in its reason."""
+    """Words that its reason must have."""
     plant: Plant
     views: int = 0
     """That are rendered again; 0 where the files tell."""

@@ -100,7 +100,7 @@ def _parameters(discs, part: np.ndarray) -> Parameters:
 def seen(
     values: dict[str, torch.Tensor], camera: Camera, settings: GorisSettings = SETTINGS
 ) -> tuple[Buffers, GlossyPicture]:
-    """What a camera sees."""
+    """Return the view of a camera."""
     buffers = drawn_buffers(values, camera, sky_basis(camera, 0), settings)
     return buffers, picture_of(values, buffers, settings, EXTENT)
 

@@ -48,7 +48,7 @@ def _pairs(
     opacities: torch.Tensor,
     size: tuple[int, int],
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Which Gaussian is drawn at which pixel: pixel after pixel, nearest first."""
+    """Return pairs of Gaussian and pixel: pixel after pixel, nearest first."""
     order = torch.argsort(depths, stable=True)
     order = order[(radii[order] > 0).all(dim=1)]
     y, x = torch.meshgrid(torch.arange(size[1]), torch.arange(size[0]), indexing="ij")

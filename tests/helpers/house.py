@@ -41,7 +41,7 @@ class Module:
     """A source file of the package."""
 
     name: str
-    """As imported, such as ``graycard.eval.measures._psnr``; a package's is that of its folder."""
+    """Name in imports, such as ``graycard.eval.measures._psnr``; a package's is that of its folder."""
     path: Path
     tree: ast.Module
     lines: int

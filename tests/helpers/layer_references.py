@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the scores of layers and lights are held against: other libraries and closed forms."""
+"""References for scores of layers and lights: other libraries and closed forms."""
 
 import os
 import tempfile
@@ -45,7 +45,7 @@ TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
 PREDICTED = np.clip(TRUE * (1.1, 0.9, 1.0) + RNG.normal(0, 0.1, TRUE.shape), 0, 1)
 EVERYWHERE = np.ones((50, 42), bool)
 Pair = tuple[np.ndarray | float, np.ndarray | float]
-"""What graycard says, and what something else says of the same."""
+"""Value by graycard, and value of the same by something else."""
 
 
 def colour_science() -> ModuleType:
@@ -100,7 +100,7 @@ def random_weights(layers: Sequence[Layer] = ALEX) -> dict[str, np.ndarray]:
 
 
 def write_random_weights(folder: Path) -> None:
-    """As their authors publish them: one file each, and more in them than is needed."""
+    """Write files like those of the authors: one each, with more in them than is needed."""
     folder.mkdir()
     for layers, trunk, heads in ((ALEX, "alexnet-owt", "alex"), (VGG, "vgg16-397923af", "vgg")):
         tensors = {name: torch.from_numpy(values) for name, values in random_weights(layers).items()}

@@ -46,7 +46,7 @@ def light(directions: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 def photograph(camera: Any, pose: np.ndarray) -> np.ndarray:
-    """What a camera of pycolmap sees, ``(H, W, 3)``, 8-bit sRGB: COLMAP's code says which ray is which."""
+    """Return the view of a camera of pycolmap, ``(H, W, 3)``, 8-bit sRGB; COLMAP's code gives the rays."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     pixels = np.column_stack([x.ravel(), y.ravel()])
     directions = np.asarray(camera.cam_from_img(pixels)).reshape(camera.height, camera.width, 2)

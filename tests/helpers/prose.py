@@ -10,7 +10,7 @@ from statistics import median
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md", "docs")
-CODE = ("src", "benchmarks", "eval", "methods", "reports", "synth")
+CODE = ("src", "benchmarks", "eval", "methods", "reports", "synth", "tests")
 RIDDLES = ("What", "Whether", "Where", "How", "Which", "When", "As", "Of")
 """Words that no docstring begins with: it would be a fragment that needs the name to be read."""
 _END = re.compile(r"(?<=[.!?])[\"”)*_]*\s+(?=[A-Z`\[*(0-9\"“])")
@@ -118,7 +118,7 @@ def faults(texts: dict[str, str]) -> list[str]:
 
 
 def docstrings(root: Path = ROOT) -> Iterator[Docstring]:
-    """Yield every docstring of the package, those of attributes too."""
+    """Yield every docstring of the package and of its tests, those of attributes too."""
     for folder in CODE:
         for path in sorted((root / folder).rglob("*.py")):
             if not any(part.is_symlink() for part in path.parents):

@@ -13,7 +13,7 @@ from graycard.methods.splat import Gaussians
 Shape = TypeVar("Shape")
 
 Raw = dict[str, torch.Tensor]
-"""What training holds: means, log scales, quaternions, logits, ``sh0`` (N, 1, 3), ``shN`` (N, K - 1, 3)."""
+"""Tensors of a training: means, log scales, quaternions, logits, ``sh0`` (N, 1, 3), ``shN`` (N, K - 1, 3)."""
 
 
 def plain(kind: Callable[..., Shape], *geometry: object) -> Shape:

@@ -16,7 +16,7 @@ from graycard import Camera
 from graycard.methods import splat
 
 NUDGES: dict[str, float] = {"opacity": 3e-6, "scale": 1e-6, "x": 1e-6, "y": 1e-6, "tilt": 1e-7}
-"""What rounding in float32 may do: to alpha and size (relative), place (pixels), orientation (radians)."""
+"""Largest effects of rounding in float32: on alpha and size (relative), place (pixels), tilt (radians)."""
 
 PLACES = ("in view", "border", "one pixel", "behind", "around", "far", "outside")
 TURNS = ("any", "facing", "grazing", "edge-on")
@@ -42,7 +42,7 @@ class Recipe:
     twins: bool = False
     """Each surfel once more, at equal depth, with other features."""
     crowd: int = 0
-    """How many faint specks are added in one pixel."""
+    """Number of faint specks that are added in one pixel."""
 
 
 ALWAYS = (
@@ -61,7 +61,7 @@ ALWAYS = (
 
 
 def ill_conditioned(kind: Kind) -> bool:
-    """Whether float32 may lose digits: needles are thin against pixels, huge discs pass near the camera."""
+    """True if float32 may lose digits: needles are thin against pixels, huge discs pass near the camera."""
     _place, turn, size, _opacity = kind
     return size == "needle" or (size == "huge" and turn != "facing")
 

@@ -12,11 +12,11 @@ from layer_references import Pair
 
 SAMPLES = [np.random.default_rng(n).lognormal(0, 0.8, n) - 1.6 for n in (6, 8, 13)]
 TAIL, RESAMPLES = 1.2 * 0.025, 9999
-"""Of each interval of the hull, and of the bootstrap."""
+"""Tail of each interval of the hull, and resamples of the bootstrap."""
 
 
 def _p(result: Any) -> float:
-    """Of scipy's tests, whose stubs name no type."""
+    """Return p of one of scipy's tests, whose stubs name no type."""
     return float(result.pvalue)
 
 

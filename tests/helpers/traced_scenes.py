@@ -19,7 +19,7 @@ PARTS = ("centres", "scales", "opacities", "features", "rotations")
 
 
 FLIP = 4e-3
-"""What a surfel whose alpha is 1/255 but for rounding may change in one ray."""
+"""Largest change of one ray by a surfel whose alpha is 1/255 but for rounding."""
 
 
 def facing(depths: list[float], opacity: float = 0.5, scale: float = 0.5) -> splat.Surfels:
@@ -178,7 +178,7 @@ def _along(met: list[tuple[Any, Any, Any]], f: np.ndarray, answer: Answer, i: in
 
 
 def gradients(surfels: splat.Surfels, rays: splat.Rays, backend: splat.Backend) -> dict[str, torch.Tensor]:
-    """Of a random weighting of all that is traced, by all that is given."""
+    """Return gradients of a random weighting of all that is traced, by all that is given."""
     given = {f.name: getattr(surfels, f.name) for f in fields(surfels)}
     given |= {"origins": rays.origins, "directions": rays.directions}
     leaves = {name: value.detach().clone().requires_grad_() for name, value in given.items()}

@@ -82,7 +82,7 @@ def write_valid_run(run: Path, write_tiny: Callable[..., Path]) -> Path:
 
 
 def breaches(run: Path, rescore: bool = False) -> dict[str, list[str]]:
-    """What is broken, by rule."""
+    """Return broken rules."""
     found: dict[str, list[str]] = {}
     for breach in check_result(run, rescore=rescore).breaches:
         found.setdefault(breach.rule, []).append(str(breach))

@@ -99,7 +99,7 @@ def test_a_fit_sees_the_scene(scene: Path):
 
 
 def test_a_fit_begins_where_stereo_finds_depth(scene: Path):
-    """As many surfels as asked for, on a grid of the photographs, near the true surfaces."""
+    """Surfels, as many as asked for, lie on a grid of the photographs, near the true surfaces."""
     start = fitted("2dgs", scene, iterations=1, fill=0.8)
     assert 250 < len(start.parameters) <= 400
     truth = open_truth(scene / "truth", check=False)
@@ -168,7 +168,7 @@ def test_a_fit_goes_on_from_its_checkpoint(scene: Path, tmp_path: Path):
 
 
 def test_nothing_is_behind_the_last_surfel(scene: Path):
-    """Where no surfel covers a pixel there is the sky, no depth, and a normal to the camera."""
+    """A pixel without surfels has the sky, no depth, and a normal to the camera."""
     found = fitted("2dgs", scene, iterations=2)
     parameters = found.parameters.take(torch.arange(0))
     empty = replace(found, parameters=parameters)
@@ -223,7 +223,7 @@ def test_bad_settings(settings: dict[str, object], message: str):
 
 
 def test_a_change_of_the_engine_is_a_change_of_the_method():
-    """What the fit depends on besides its job includes the engine, which is no module of the method's own."""
+    """The fit depends on the engine, too, which is no module of the method's own."""
     roots = (methods.BUILT_IN["2dgs"], "graycard:open_capture", "graycard.methods:write_predictions")
     assert methods.fingerprint("2dgs") == f"graycard {graycard.__version__} {code_hash(roots)}"
     reached = reached_code([methods.BUILT_IN["2dgs"]])

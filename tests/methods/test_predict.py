@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a method gives is checked where it is written, before it is taken for a prediction."""
+"""Layers of a method are checked as they are written, before they are taken for a prediction."""
 
 import re
 from collections.abc import Callable

@@ -30,7 +30,7 @@ def ours(features: torch.Tensor, alpha: torch.Tensor, sky: torch.Tensor, weights
 
 
 def gradients(values: Inputs, picture: torch.Tensor) -> Inputs:
-    """Of a random weighting of the picture, by all but the harmonics."""
+    """Return gradients of a random weighting of the picture, by all but the harmonics."""
     asked = torch.rand(picture.shape, generator=torch.Generator().manual_seed(7), dtype=torch.float64) - 0.4
     features, alpha, _sky, weights = values
     return torch.autograd.grad((asked * picture).sum(), [features, alpha, weights])

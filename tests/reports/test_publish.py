@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a run is kept and shown."""
+"""Parts of a run that are kept and shown."""
 
 import shutil
 from pathlib import Path

@@ -35,7 +35,7 @@ from graycard.reports.plan._picture import FINE, LAMP, TEST, TRAIN, plan_picture
 from graycard.reports.plan._plan import lay_out
 
 WIDTH, HEIGHT = 28, 24
-"""Of the tiny scenes."""
+"""Size of the tiny scenes."""
 RNG = np.random.default_rng(3)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What priors have told a row stands beside its name."""
+"""Priors of a row are named beside it."""
 
 from collections.abc import Callable
 from dataclasses import replace

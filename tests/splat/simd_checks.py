@@ -190,7 +190,7 @@ def check_pixels() -> None:
 
 
 def check_eights() -> None:
-    """As numbers one by one, to the bit, and nothing beside them is written."""
+    """Check that vectors give the bits of numbers one by one, and that nothing beside them is written."""
     draws, number = np.random.default_rng(0).normal(size=(2, 9)), 0.25
     a, b, out = draws[0], draws[1, :8], np.full(8 * 18 + 2, -7.0)
     a[2], a[3], b[4], a[6], b[7] = np.nan, b[2], np.nan, np.inf, -np.inf

@@ -17,7 +17,7 @@ from graycard.methods.splat.raster import _stages
 from random_surfels import random_surfels
 
 FLIP = 4e-3
-"""What a surfel whose alpha is 1/255 but for rounding may change in one pixel."""
+"""Largest change of one pixel by a surfel whose alpha is 1/255 but for rounding."""
 
 
 def camera_of(width: int = 37, height: int = 29, focal: float = 30) -> Camera:
@@ -173,7 +173,8 @@ def gradients(
     backend: splat.Backend,
     draw: Callable[..., splat.FeatureMaps] = splat.rasterize,
 ) -> dict[str, torch.Tensor]:
-    """Of a random weighting of all maps, by each tensor of the surfels and by their offsets."""
+    """Return gradients of a random weighting of all maps, by each tensor of the surfels and by their
+    offsets."""
     values = {f.name: getattr(surfels, f.name) for f in fields(surfels)}
     values["offsets"] = 0.3 * offsets_of(surfels)
     leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}

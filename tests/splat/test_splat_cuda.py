@@ -54,14 +54,14 @@ SCENES: dict[str, Callable[[], splat.Surfels]] = {
     "outside": lambda: at(random_surfels(10), (30, 0, 0)),
     "on the border": lambda: at(random_surfels(30), (1.4, 0, 0.9)),
 }
-"""Where gsplat's features are to be those of the contract."""
+"""Scenes in which gsplat's features are to be those of the contract."""
 HARD: dict[str, Callable[[], splat.Surfels]] = {
     "through the camera's plane": lambda: random_surfels(15, scale=1.0),
     "around the camera": lambda: at(random_surfels(20, scale=0.4), (0, -2.2, 0)),
     "opaque": lambda: opaque(random_surfels(60, scale=0.4)),
     "edge-on": lambda: edge_on(20),
 }
-"""Where they may differ, as documented; all maps are to be right."""
+"""Scenes in which they may differ, as documented; all maps are to be right."""
 
 
 def leaves_of(surfels: splat.Surfels, device: str = "cpu") -> dict[str, torch.Tensor]:
@@ -170,7 +170,7 @@ def test_float32_and_features_of_ones_own():
 
 @needs_gsplat
 def test_the_public_functions_draw_with_gsplats(monkeypatch: pytest.MonkeyPatch):
-    """As on a GPU, but for the place of the tensors."""
+    """They draw as on a GPU, but for the place of the tensors."""
     monkeypatch.setattr(_cuda, "gsplat_kernels", stand_ins)
     monkeypatch.setattr(_cuda, "_check_device", lambda surfels: None)
     surfels = random_surfels(20)

@@ -36,7 +36,7 @@ def state_of(sizes: list[float], gradients: list[float], opacity: float = 0.5) -
 
 
 def numbers(state: splat.FitState) -> list[float]:
-    """Which surfels these are, by their colour."""
+    """Return the numbers of these surfels, by their colour."""
     return (state.parameters.surfels["colour"][:, 0] / 10).tolist()
 
 

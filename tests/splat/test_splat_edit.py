@@ -46,7 +46,7 @@ def discs(*places: tuple[float, float, float]) -> splat.Surfels:
 
 
 def test_a_surfel_is_inside_where_masks_see_it():
-    """Of three discs one lies in the mask, one beside it, and one below the first, hidden from above."""
+    """Three discs: one lies in the mask, one beside it, and one below the first, hidden from above."""
     surfels = discs((0.5, 0, 0.5), (-0.5, 0, 0.5), (0.5, 0.0, 0.3))
     above = Camera.from_fov(32, 32, 60, look_at(np.array([0.0, 1e-3, 3.0]), np.array([0.0, 0, 0.0])))
     seen = above.project(surfels.centres[0].numpy())[0][0] > 16

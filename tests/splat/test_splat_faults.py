@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may get wrong: a clear error, and never the end of the interpreter."""
+"""Mistakes of users: each has a clear error, and none ends the interpreter."""
 
 import subprocess
 import sys
@@ -116,7 +116,7 @@ def test_an_unknown_back_end_is_named(how: Any, backend: splat.Backend):
 @pytest.mark.parametrize("how", HOW)
 @pytest.mark.parametrize("pixels", [8, 2400])
 def test_too_little_memory_is_said_before_it_is_taken(how: Any, pixels: int, monkeypatch: pytest.MonkeyPatch):
-    """Whether it is surfels or pixels that would take it."""
+    """Surfels or pixels would take it."""
     few = SimpleNamespace(available=2_000_000, total=4_000_000, percent=50.0)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: few)
     surfels = surfels_of(700_000 if pixels == 8 else 3, torch.float32)

@@ -58,7 +58,7 @@ def pair(shape: tuple[int, ...], values: str = "unit", seed: int = 0) -> tuple[t
 def gradient_of(
     function: Callable[[torch.Tensor, torch.Tensor], torch.Tensor], image: torch.Tensor, target: torch.Tensor
 ) -> torch.Tensor:
-    """Of a random weighting of the map, by the image, in its dtype."""
+    """Return the gradient of a random weighting of the map, by the image, in its dtype."""
     leaf = image.clone().requires_grad_()
     weights = torch.rand(image.shape, generator=torch.Generator().manual_seed(3), dtype=torch.float64) - 0.3
     (weights.to(image.dtype) * function(leaf, target)).sum().backward()
@@ -127,7 +127,7 @@ def test_equal_images_lack_nothing_and_pull_nowhere(values: str):
 
 
 def test_nearly_equal_images_keep_their_digits():
-    """Where 1 - SSIM is 1e-8, a fraction in float32 would be all rounding."""
+    """A fraction in float32 would be all rounding at 1 - SSIM of 1e-8."""
     image, _ = pair((24, 19, 3))
     target = image + 1e-5 * torch.from_numpy(
         np.random.default_rng(1).normal(size=image.shape).astype(np.float32)
@@ -411,7 +411,7 @@ def test_gradients_of_disagreement_are_those_of_the_definition(dtype: torch.dtyp
 
 
 def test_gradients_of_normals_are_those_of_finite_differences():
-    """Where the depth ends, too: beyond it nothing pulls."""
+    """They agree at the end of the depth, too: beyond it nothing pulls."""
     camera, random = camera_of(7, 6), np.random.default_rng(0)
     depth = torch.from_numpy(random.uniform(1, 2, (6, 7)))
     depth[2, 3] = 0

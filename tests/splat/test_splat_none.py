@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What kernels make only for a user: the type decides, at compile time, and Python is sent away."""
+"""Outputs that kernels make only for a user: the type decides, at compile time, and no Python runs."""
 
 from typing import Any
 

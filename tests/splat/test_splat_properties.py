@@ -27,7 +27,7 @@ from splat_recipes import Recipe, Scene, nudged, on_recipes, scene_of
 VALUE, GRADIENT, FLIP = 1e-5, 1e-4, 4e-3
 SATURATED = 1.001e-4
 ROUNDING = 2.0**-24
-"""Of a float32, relative."""
+"""Rounding of a float32, relative."""
 
 
 def draw(scene: Scene, backend: splat.Backend) -> splat.Maps:
@@ -36,11 +36,11 @@ def draw(scene: Scene, backend: splat.Backend) -> splat.Maps:
 
 @dataclass
 class Tally:
-    """Of a whole run."""
+    """Tally of a whole run."""
 
     checked: int = 0
     excused: list[str] = field(default_factory=list)
-    """What was beyond the bounds, one by one."""
+    """Cases beyond the bounds, one by one."""
 
     def assert_rare(self, share: float) -> None:
         assert len(self.excused) <= share * self.checked, self.excused
@@ -106,7 +106,7 @@ def test_values_are_those_of_the_specification(ill: bool, examples: int, flippin
 def gradients(
     scene: Scene, backend: splat.Backend, flipped: torch.Tensor, only_features: bool
 ) -> dict[str, torch.Tensor]:
-    """Of a random weighting of the maps without some pixels, by every tensor."""
+    """Return gradients of a random weighting of the maps without some pixels, by every tensor."""
     names = [f.name for f in fields(scene.surfels)]
     leaves = {name: getattr(scene.surfels, name).clone().requires_grad_() for name in names}
     leaves["offsets"] = scene.offsets.clone().requires_grad_()
@@ -158,7 +158,7 @@ def test_gradients_are_those_of_the_specification(
 
 
 def form_error(form: torch.Tensor, rays: torch.Tensor, apart: torch.Tensor, K: torch.Tensor) -> torch.Tensor:
-    """What a linear form on pixels is off by in float32 arithmetic, shape ``(H, W)``.
+    """Return the error of a linear form on pixels in float32 arithmetic, shape ``(H, W)``.
 
     Its slopes are rounded, its value at the anchor, the distance to the anchor (twice: coordinates from the
     tile's corner are, 16 pixels further at most), and two sums.
@@ -169,7 +169,7 @@ def form_error(form: torch.Tensor, rays: torch.Tensor, apart: torch.Tensor, K: t
 
 
 def rounding_bounds(scene: Scene) -> tuple[torch.Tensor, torch.Tensor]:
-    """Of a single disc: what its exponent and its depth (relative) are off by, to the first order.
+    """Return errors of the exponent and the depth (relative) of a single disc, to the first order.
 
     With u = U / D of linear forms U and D, the error of u is that of U plus u times that of D, over D. The
     forms are those about the box's centre, or what lies nearest to it of the image and four pixels around.

@@ -39,7 +39,7 @@ def surfels_of(
 
 
 IN_FRONT = ((-1.0, -1.0, 1.5), (1.0, 1.0, 3.0))
-"""Of a camera at the origin."""
+"""Box in front of a camera at the origin."""
 random_surfels = partial(any_surfels, scale=0.2, box=IN_FRONT, opacities=(0.2, 0.97), features=(-1.0, 1.0))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may be done to a scene without changing its picture, or changing it in a known way; both back ends.
+"""Symmetries: changes of a scene that change its picture in a known way or not at all; both back ends.
 
 And the specification's gradients against finite differences, away from what decides.
 """
@@ -26,7 +26,7 @@ def camera_of(width: int = 35, height: int = 26, pose: np.ndarray | None = None)
 
 
 IN_FRONT = ((-1.0, -1.0, 1.5), (1.0, 1.0, 3.5))
-"""Of a camera at the origin."""
+"""Box in front of a camera at the origin."""
 
 
 def random_surfels(count: int = 40, seed: int = 1000, channels: int = 3) -> splat.Surfels:

@@ -29,7 +29,7 @@ def checks() -> ModuleType:
 
 
 def run(**variables: str) -> str:
-    """What the script prints in a process with these environment variables."""
+    """Return the output of the script in a process with these environment variables."""
     done = subprocess.run(
         [sys.executable, SCRIPT], env=os.environ | variables, capture_output=True, text=True, check=False
     )

@@ -70,7 +70,8 @@ def test_alpha_is_clamped_and_cut(backend: splat.Backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ray_ends_behind_the_disc_that_blocks_it(backend: splat.Backend):
-    """Of 0.98 each, after two 4e-4 is left, after three 8e-6: the fourth is not looked at, nor any behind."""
+    """Discs of 0.98 leave 4e-4 after two and 8e-6 after three: the fourth is not looked at, nor any
+    behind."""
     surfels = facing([5.0, 4, 3, 2, 1], 0.98)
     one_hot = replace(surfels, features=torch.eye(5, dtype=torch.float64))
     rays = rays_of(np.zeros((16, 3)), np.tile([0.0, 0, 1], (16, 1)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tracer refuses, and what it says."""
+"""Inputs that the tracer refuses, and its messages."""
 
 from dataclasses import fields
 from types import SimpleNamespace
@@ -54,7 +54,7 @@ def test_what_does_not_fit_is_refused():
 def test_too_little_memory_is_said_before_it_is_taken(
     surfels: int, rays: int, monkeypatch: pytest.MonkeyPatch
 ):
-    """Whether it is surfels or rays that would take it."""
+    """Surfels or rays would take it."""
     few = SimpleNamespace(available=2_000_000)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: few)
     same = torch.eye(3)[:1].expand(rays, 3)

@@ -74,7 +74,7 @@ def test_what_was_not_kept_is_found_again(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_sums_in_one_part_are_the_same(monkeypatch: pytest.MonkeyPatch):
-    """As with more surfels than the memory allows for several."""
+    """One part is used with more surfels than the memory allows for several."""
     surfels, rays = random_surfels(300, 2), all_ways(900)
     several = gradients(surfels, rays, "cpu")
     monkeypatch.setattr(_trace_cpu, "SUMS_BYTES", 1)

@@ -38,7 +38,7 @@ print([sum(one.stats.cache_misses.values()) for one in (colours_forward, colours
 
 @pytest.fixture
 def done() -> list[str]:
-    """Which jobs were run in this process."""
+    """Return the jobs that were run in this process."""
     return []
 
 

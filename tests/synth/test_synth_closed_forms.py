@@ -37,7 +37,7 @@ AreaLight = RectangleLight | SphereLight
 
 
 def rounded(values: object) -> np.ndarray:
-    """As float32 holds them, in float64."""
+    """Return values as float32 holds them, in float64."""
     return np.asarray(values, dtype=np.float32).astype(np.float64)
 
 
@@ -59,7 +59,7 @@ def z_score(estimates: np.ndarray, expected: float) -> float:
 
 
 def judge_pixels(judge: Judge, what: str, ratio: np.ndarray) -> None:
-    """Whether independent estimates of found / expected, ``(renders, pixels)``, are 1 within their spread.
+    """Judge that independent estimates of found / expected, ``(renders, pixels)``, are 1 within their spread.
 
     For all pixels together, and for each: the squares of Student's t have a mean of (n - 1) / (n - 3) and,
     with 35 degrees of freedom, a variance of 2.47.

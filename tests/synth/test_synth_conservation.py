@@ -40,7 +40,7 @@ def renders(scene: Scene, samples: int, depth: int, first_seed: int = 1, count: 
 
 
 def standard_error(estimates: np.ndarray) -> float:
-    """Of the mean of independent estimates, from their own spread."""
+    """Return the standard error of the mean of independent estimates, from their own spread."""
     return float(estimates.std(ddof=1) / np.sqrt(len(estimates)))
 
 

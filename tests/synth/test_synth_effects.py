@@ -73,7 +73,7 @@ def floor_points(camera: Camera) -> np.ndarray:
 
 
 def meets_ball(origin: np.ndarray, towards: np.ndarray) -> np.ndarray:
-    """Whether rays meet the ball, ``(H, W)``."""
+    """Return true for rays that meet the ball, ``(H, W)``."""
     towards = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
     along = ((CENTRE - origin) * towards).sum(-1, keepdims=True)
     return (along[..., 0] > 0) & (np.linalg.norm(origin + along * towards - CENTRE, axis=-1) < RADIUS)

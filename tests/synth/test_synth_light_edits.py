@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which changes of its lights a scene has, and that they are what they say."""
+"""Changes of the lights of a scene: their number, and their effects."""
 
 from dataclasses import replace
 

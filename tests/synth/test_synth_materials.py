@@ -122,7 +122,7 @@ def test_it_returns_no_more_light_than_it_gets(material: Material, judge: Judge)
 def test_over_all_directions_a_dielectric_gains_nothing_up_to_a_base_color_of_nine_tenths(
     kind: type[Glossy] | type[LambertGGX], roughness: float, judge: Judge
 ) -> None:
-    """As light from a uniform sky arrives: what it gains at grazing angles it has lost elsewhere."""
+    """The sky is uniform: a dielectric gains at grazing angles as much as it loses elsewhere."""
     cosine = np.sqrt(np.random.default_rng(0).random(1 << 18))
     wi = np.stack([np.sqrt(1 - cosine**2), np.zeros_like(cosine), cosine])
     found, error = albedo(kind((0.9, 0.9, 0.9), roughness), wi)
@@ -179,7 +179,7 @@ def fresnel(eta: np.ndarray, k: np.ndarray, cosine: float) -> np.ndarray:
 
 @pytest.mark.parametrize("degrees", [0, 30, 60, 75])
 def test_nearly_smooth_materials_reflect_by_fresnel(degrees: int, judge: Judge) -> None:
-    """Where microfacets hardly differ the albedo is that of a mirror, over a Lambertian base if there is one.
+    """Albedo is that of a mirror if microfacets hardly differ, over a Lambertian base if there is one.
 
     A slope of 4e-4 about the normal changes the reflectance by less than 1e-4 at these angles.
     """

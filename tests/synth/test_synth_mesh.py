@@ -22,7 +22,7 @@ def volume(mesh: Mesh) -> float:
 
 
 def open_edges(mesh: Mesh) -> int:
-    """How many directed edges lack their opposite, vertices at one place being one."""
+    """Return the number of directed edges without their opposite, vertices at one place being one."""
     _, place = np.unique(np.round(mesh.vertices, 6), axis=0, return_inverse=True)
     f = place.reshape(-1)[mesh.faces]
     edges = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])

@@ -33,7 +33,7 @@ def test_without_faults_there_is_no_sensor() -> None:
 @pytest.mark.parametrize("level", [0.05, 0.3, 0.7])
 @pytest.mark.parametrize("read", [0.0, 20.0])
 def test_noise_has_the_mean_and_variance_of_counted_electrons(level: float, read: float) -> None:
-    """Of n numbers the mean has the error sigma / sqrt(n), the variance sigma² sqrt(2 / n), nearly normal."""
+    """Errors of n numbers: sigma / sqrt(n) of the mean, sigma² sqrt(2 / n) of the variance, nearly normal."""
     electrons, n = 2000.0, 3 * 128**2
     flat = np.full((128, 128, 3), level * WHITE, np.float32)
     found = taken(flat, shot_noise=electrons, read_noise=read) / WHITE

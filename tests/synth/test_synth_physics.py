@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the camera sees: surfaces, materials and lights in their places, and the variance of a render."""
+"""Physics of a picture: surfaces, materials and lights in their places, and the variance of a render."""
 
 from collections.abc import Callable
 
@@ -40,7 +40,7 @@ def points(scene: Scene, depth: np.ndarray) -> np.ndarray:
 
 
 def floor_points(scene: Scene) -> np.ndarray:
-    """Where the camera's rays meet z = 0, by hand."""
+    """Return the points at which the camera's rays meet z = 0, by hand."""
     camera = scene.views[0].camera
     rays = camera.rays()
     return camera.position - (camera.position[2] / rays[..., 2])[..., None] * rays

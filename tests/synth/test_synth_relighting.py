@@ -89,7 +89,8 @@ def linear_edits() -> list[Edit]:
 
 
 def agree(found: dict[str, np.ndarray], expected: dict[str, np.ndarray], tests: int) -> bool:
-    """Whether the mean of no channel and no quarter of the picture is off by more than noise (Šidák)."""
+    """Return true if no mean of a channel or of a quarter of the picture is off by more than noise
+    (Šidák)."""
     difference = found["radiance"].astype(np.float64) - expected["radiance"]
     variance = found["radiance.var"].astype(np.float64) + expected["radiance.var"]
     blocks = [(slice(i, i + 10), slice(j, j + 12)) for i in (0, 10) for j in (0, 12)]

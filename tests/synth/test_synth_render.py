@@ -230,7 +230,7 @@ def test_every_base_color_of_an_emitter_is_black(rendered: dict[str, Path]) -> N
 
 
 def test_the_chart_shows_its_measured_colors() -> None:
-    """Of the patches that a camera in front of the studio's chart sees, each is the right one."""
+    """A camera in front of the studio's chart sees each patch in its place."""
     from graycard.synth import Quad, Scene, use_renderer
     from graycard.synth._spectra import chart_patches
     from graycard.synth.families._studio import _chart

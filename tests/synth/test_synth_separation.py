@@ -156,7 +156,7 @@ def reflected(scene: Scene, first_seed: int, samples: int = 64) -> dict[str, np.
 
 
 def judge_equal(judge: Judge, what: str, found: np.ndarray, expected: np.ndarray, scale: float) -> None:
-    """Whether the means of independent estimates are equal within 4 sigma, with a sigma that tells."""
+    """Judge that means of independent estimates are equal within 4 sigma, with a sigma that tells."""
     error = np.sqrt(found.var(ddof=1) / len(found) + expected.var(ddof=1) / len(expected))
     judge(f"{what}: standard errors", abs(found.mean() - expected.mean()) / error, 4)
     judge(f"{what}: standard error relative to all light", error / scale, 5e-3)

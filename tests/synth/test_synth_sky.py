@@ -10,7 +10,8 @@ from graycard.synth._sky import Window, recorded, room
 
 
 def directions(height: int) -> np.ndarray:
-    """Of the pixels of a recorded environment, by the formula of ``graycard.EnvironmentLight``."""
+    """Return directions of the pixels of a recorded environment, by the formula of
+    ``graycard.EnvironmentLight``."""
     t = np.pi * (np.arange(height)[:, None] + 0.5) / height
     p = 2 * np.pi * (np.arange(2 * height)[None, :] + 0.5) / (2 * height)
     return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t) + 0 * p], axis=-1)

@@ -54,7 +54,8 @@ def test_without_noise_points_lie_on_the_floor(views: list[Sighting], cameras: d
 
 
 def covariance(points: Points, cameras: dict[int, Camera], noise: float) -> np.ndarray:
-    """Of triangulated positions, ``(N, 3, 3)``, m², for a noise in pixels; to first order ``σ² (Σ JᵀJ)⁻¹``.
+    """Return covariances of triangulated positions, ``(N, 3, 3)``, m², for a noise in pixels: ``σ² (Σ
+    JᵀJ)⁻¹`` to first order.
 
     The slope J of the projection is found by central differences.
     """

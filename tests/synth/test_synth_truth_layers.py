@@ -354,7 +354,7 @@ def test_without_the_target_specular_light_differs_in_its_mirror_image(llvm: str
 
 
 def test_behind_the_target_is_the_table(llvm: str) -> None:
-    """What is seen without the target is a floor or a table, which reflects as it does elsewhere."""
+    """A floor or a table is seen without the target, and reflects as it does elsewhere."""
     scene, layers = render("metal-table")
     on_target, table = layers["object_id"] == scene.target_id, layers["object_id"] == 3
     assert on_target.sum() > 3

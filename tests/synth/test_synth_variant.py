@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which renderer is chosen, without ever loading a library that would abort the process."""
+"""Choice of the renderer, without ever loading a library that would abort the process."""
 
 import subprocess
 import sys

@@ -73,7 +73,7 @@ JSON_VALUES = st.recursive(
     ),
     max_leaves=5,
 )
-"""As records hold what is untyped: tuples for lists, and no infinities, which come back as text."""
+"""Untyped values as records hold them: tuples for lists, and no infinities, which come back as text."""
 
 NAMED: dict[Any, st.SearchStrategy[Any]] = {
     kind: st.sampled_from(["a", "Süd 1", "test_000"])

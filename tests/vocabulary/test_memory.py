@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done with freed memory."""
+"""Freed memory is kept for later."""
 
 import platform
 import subprocess

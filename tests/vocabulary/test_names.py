@@ -139,7 +139,7 @@ def _dataclasses() -> list[type[Any]]:
 
 
 def _plain_text(kind: Any) -> bool:
-    """Whether a type holds texts that no rule checks."""
+    """Return true if a type holds texts that no rule checks."""
     if get_origin(kind) is Annotated:
         return not any(isinstance(part, TextRule) for part in get_args(kind)[1:])
     return kind is str or any(_plain_text(part) for part in get_args(kind)[:1])

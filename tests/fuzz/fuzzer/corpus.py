@@ -35,7 +35,7 @@ from valid_runs import write_valid_run
 
 WriteScene = Callable[..., Path]
 _QUICK = {"iterations": 4, "surfels": 60, "fill": 0.0, "sky_size": 4, "lamps": 2}
-"""As little as makes a decomposition of each part that the method has."""
+"""Least settings that make each part of the method's decomposition."""
 _ORACLE = ("darkgs", "sunfaded", "removal", "removal-per-view", "removal-one-reference", "grouping")
 _CLASSICAL = ("gsid", "goris")
 _TRACKS = {"darkgs": "dark", "sunfaded": "dark", "sunfaded-oracle": "dark", "2dgs-oracle": "dark"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a photograph changes about colours, and which photograph a new view is like."""
+"""Changes of colours by photographs, and the photograph that a new view is like."""
 
 import numpy as np
 import pytest

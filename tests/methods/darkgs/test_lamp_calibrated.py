@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the calibrated lamp sends, and how a surfel looks under it."""
+"""Light of the calibrated lamp, and surfels under it."""
 
 from dataclasses import replace
 

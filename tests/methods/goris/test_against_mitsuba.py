@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a metal floor mirrors: traced through surfels on true surfaces, against the path tracer."""
+"""Mirror images in a metal floor: traced through surfels on true surfaces, against the path tracer."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ METAL = (0.9, 0.75, 0.6)
 EXPOSURE, EXTENT = 1.2, 2.0
 SETTINGS = RenderSettings(96, 80, samples=64, max_depth=4)
 PLACES = ((0.0, -2.2, 1.2), (0.9, -2.0, 1.0), (-0.9, -2.0, 1.4), (1.0, -1.5, 0.05), (-0.8, -1.5, 0.05))
-"""Of the training cameras; the last two see undersides."""
+"""Places of the training cameras; the last two see undersides."""
 HELD_OUT = (0.4, -2.1, 1.1)
 SURFELS = 12_000
 _FIRM = 12.0
@@ -68,7 +68,7 @@ def metal_floor() -> Scene:
 
 
 def rendered(scene: Scene, camera: Camera) -> dict[str, np.ndarray]:
-    """What is seen, and of which the specular lobe returns."""
+    """Return the picture, and the part that the specular lobe returns."""
     from graycard.synth.layers._separation import lobe_light
     from graycard.synth.layers._views import light_images, surface_layers
     from graycard.synth.renderer._mitsuba import load_scene

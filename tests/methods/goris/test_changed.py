@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a removal changed in the training views: what is not believed, and what no view has seen."""
+"""Changes by a removal in the training views: those not believed, and places that no view has seen."""
 
 from pathlib import Path
 
@@ -73,7 +73,8 @@ def _dark(cameras: list[Camera]) -> Capture:
 
 
 def _seen_by_others(number: int, cameras: list[Camera]) -> np.ndarray:
-    """Where a view would see, were the object gone, what another one sees past it, shape ``(H, W)``, bool."""
+    """Return a mask, shape ``(H, W)``: pixels that, without the object, show surfaces that another view
+    sees."""
     camera = cameras[number]
     floor, board, _ = _distances(camera.position, camera.rays())
     distance = np.minimum(floor, board)

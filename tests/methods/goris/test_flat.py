@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a flat glossy surface is, from its outlines, on surfels whose place is known."""
+"""Place of a flat glossy surface by its outlines, on surfels whose place is known."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -163,7 +163,7 @@ def test_a_height_is_believed_if_others_are_worse(
 
 
 def test_surfels_begin_on_depths_that_are_known(write_tiny: Callable[..., Path], tmp_path: Path):
-    """Where they are not, stereo says where."""
+    """Stereo gives the places of others."""
     folder = write_tiny(tmp_path, track="tabletop", train=4, test=1)
     capture = with_points(folder)
     settings = GorisSettings(surfels=800)

@@ -375,7 +375,7 @@ def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say
 
 
 def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: GlossyWorld, room: Capture):
-    """As of a network that is not told which is asked: nothing would be glossy."""
+    """A network that is not told which is asked gives such masks: nothing would be glossy."""
 
     class Same:
         def answer(self, question: methods.Question) -> np.ndarray:
@@ -397,7 +397,7 @@ def test_a_fit_without_points_says_so(world: GlossyWorld, tmp_path: Path):
 
 
 def test_without_light_a_picture_is_its_colours_however_pixels_are_mixed(world: GlossyWorld):
-    """Where all steps were in colours nothing has fitted what is mixed of them."""
+    """Nothing has fitted mixtures of colours if all steps were in colours."""
     pictures = []
     for composite in ("release", "paper"):
         settings = with_settings(composite=composite, transport=False, radiance_share=1.0)
@@ -547,7 +547,7 @@ def test_a_scene_of_another_method_is_refused(world: GlossyWorld, tmp_path: Path
 
 
 def test_what_a_mirror_shows_next_to_the_object_alone_goes_with_it(world: GlossyWorld):
-    """Of the glossy floor what is next to it, the more the wider that is; nothing that is rough."""
+    """Parts of the glossy floor next to it go, the more the wider it is; nothing rough goes."""
     shots = shots_of_world(world)
     floor = torch.from_numpy(world.part) == FLOOR
     near, wide = (next_to_object(world.parameters, shots, grow) for grow in (0.0, 0.05))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What photographs allow of reflections before the first step, on surfels whose light is known."""
+"""Bounds of photographs on reflections before the first step, on surfels whose light is known."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -66,7 +66,7 @@ def reflecting(world: GlossyWorld, f0: float | Sequence[float], *, metal: bool =
 
 
 def light_of(known: GlossyWorld) -> InitialLight:
-    """What is found without being told F0."""
+    """Return the light that is found without F0."""
     unknown = {**known.parameters.all, FRESNEL: torch.zeros_like(known.parameters.all[FRESNEL])}
     found = initial_light(unknown, shots_of_world(known), SETTINGS, EXTENT)
     assert found is not None

@@ -493,7 +493,7 @@ def test_where_everything_is_glossy_mirrors_show_the_surroundings(world: GlossyW
 
 
 def test_a_fine_environment_is_filtered_from_a_coarser_one(world: GlossyWorld):
-    """As sharp as it is in a mirror, and in rough surfaces what it is when filtered as a whole."""
+    """A mirror shows it as sharp as it is, a rough surface as it is when filtered as a whole."""
     sky = torch.full((6, 64, 64, 3), 0.2)
     sky[4, 20:31, 30:47] = 5.0
     found, whole = _model._skies(sky), prefiltered_skies(sky)

@@ -67,7 +67,7 @@ def box_hiders() -> Hiders:
 
 
 def hit_box(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Whether rays meet the box, shape ``(P, K)``, by its slabs."""
+    """Return true for rays that meet the box, shape ``(P, K)``, by its slabs."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = [(end - points)[:, None] / directions[None] for end in (LOW, HIGH)]
     near, far = np.minimum(*ends).max(axis=-1), np.maximum(*ends).min(axis=-1)
@@ -125,7 +125,7 @@ def test_pixels_are_told_what_points_are():
 
 
 def test_surfels_get_all_of_the_light(world: GlossyWorld):
-    """As much brighter as the share says, but no brighter than is believed."""
+    """They get brighter by the share, but no brighter than is believed."""
     left = torch.full((len(world.part), 3), 0.5)
     left[world.part == OBJECT] = 0.01
     found = brightened(world.parameters, left)

@@ -14,7 +14,7 @@ from graycard.methods.surfels import COEFFICIENTS, DETAIL
 
 HEIGHT, WIDTH = 36, 44
 WINDOW = Window(12, 36, 10, 30)
-"""Of floor, boards and sky."""
+"""Window with floor, boards and sky."""
 MOVING = (CENTRES, ROTATIONS, COEFFICIENTS, DETAIL, DIFFUSE, FRESNEL, ROUGHNESS, REGION, SURROUNDINGS)
 SHARP = with_settings(filter="none")
 """A blur ends with the tile, as it ends with a picture."""

@@ -101,7 +101,7 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
 
 
 def test_no_lamp_is_put_beside_another(world: World, monkeypatch: pytest.MonkeyPatch):
-    """What a lamp does not mend where light is missing, a second one there will not."""
+    """A second lamp mends no lack of light that a first one at that place did not."""
     trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:]))
     for place, tried in ((TRUE[1] + 0.1, 0), (TRUE[0], len(STRENGTHS))):
         lack = Lack(torch.from_numpy(place).float(), torch.ones(3))

@@ -46,7 +46,7 @@ def test_in_a_closed_room_all_light_comes_from_its_walls(box: tuple[Surfels, tor
 
 
 def test_even_walls_that_return_a_half_send_a_geometric_series(box: tuple[Surfels, torch.Tensor, Bounces]):
-    """Of 1 that falls on each, and rho is sent on each time."""
+    """One unit falls on each, and rho is sent on each time."""
     _, _, bounces = box
     one = np.ones((len(bounces.nodes), 2), np.float32)
     sent = bounces.sent_on(one, one * [0.5, 0.8])

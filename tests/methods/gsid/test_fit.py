@@ -103,7 +103,7 @@ def test_strengths_are_found_exactly_where_places_are_known():
 
 
 def test_a_sky_is_doubted_and_a_lamp_is_not():
-    """Of two equal explanations the lamp is taken; a sky that alone explains something stays, fainter."""
+    """The lamp is taken of two equal explanations; a sky that alone explains something stays, fainter."""
     lamp = torch.rand(300, 1, 1, 3, generator=torch.Generator().manual_seed(3))
     sky = torch.rand(300, 6, 3, generator=torch.Generator().manual_seed(4))
     sky[:, 0] = lamp[:, 0, 0]

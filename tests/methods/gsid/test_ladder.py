@@ -25,7 +25,7 @@ SLACK = 0.1
 
 
 def training_psnr(world: World, settings: GsidSettings) -> float:
-    """Of the second stage on true surfaces, told nothing of materials and lights."""
+    """Return PSNR of the second stage on true surfaces, without known materials and lights."""
     shots = [replace(shot, guess=MaterialGuess()) for shot in world.shots]
     stage = LightStage(world.surfels, shots, settings, EXTENT, 0)
     surface = {name: world.surface[name].clone() for name in (*GEOMETRY, "open sky")}

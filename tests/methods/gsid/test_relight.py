@@ -79,7 +79,7 @@ def test_a_lamp_gets_another_colour(found: GsidScene):
 
 
 def test_a_lamp_is_moved_with_its_shadow(found: GsidScene):
-    """As if it had been found there, and rays told what is in its way."""
+    """The lamp acts as if it had been found there, with the shadows that rays find."""
     lamp = lamps_of(found)[0]
     shared = {name: values.clone() for name, values in found.parameters.shared.items()}
     shared[POSITIONS][0, 0] += 1

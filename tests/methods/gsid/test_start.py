@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second stage begins with explains the photographs as the model shows them."""
+"""Start of the second stage: it explains the photographs as the model shows them."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def test_a_vector_knows_the_shadow_of_the_board(world: World):
 
 
 def test_strengths_are_those_of_what_vectors_tell(world: World):
-    """Of photographs whose shadows are those of vectors, which are not the shadows of rays."""
+    """The photographs have shadows of vectors, which are not the shadows of rays."""
     surface, settings = surface_of(world), replace(SETTINGS, lobes=1)
     surface[SHADOW] = torch.tensor([0.5, 0.3, 0.6]).expand_as(world.normals).clone()
     places = torch.tensor([lamp.position for lamp in LAMPS])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is met before any time is spent, and what is refused whoever answers."""
+"""Priors that are refused before any time is spent, and answers that are refused from any source."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -112,7 +112,8 @@ def test_telea_has_no_unit():
 
 
 def test_telea_is_opencv_s_on_bytes_but_for_the_rounding():
-    """Of 255 levels: OpenCV's bytes are rounded at each pixel of the march, from the ones before."""
+    """The bound is in 255 levels: OpenCV's bytes are rounded at each pixel of the march, from the ones
+    before."""
     hole = HOLES["inside"]
     near = ~hole & (away(hole) <= REACH)
     image = texture(1)[..., 0]
@@ -124,7 +125,7 @@ def test_telea_is_opencv_s_on_bytes_but_for_the_rounding():
 
 
 def test_opencv_keeps_floats_as_they_are_outside_the_hole():
-    """What the algorithm is built on: 4.9 and before added half a unit to floats."""
+    """The algorithm is built on this: 4.9 and before added half a unit to floats."""
     noise = np.random.default_rng(1000).random(SIZE).astype(np.float32)
     hole = HOLES["inside"].astype(np.uint8)
     found = cv2.inpaint(noise, hole, REACH, cv2.INPAINT_TELEA)

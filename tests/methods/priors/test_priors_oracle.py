@@ -33,7 +33,7 @@ ROOM = np.add.outer(np.linspace(4, 2, SIZE), np.linspace(0, 1, SIZE))
 
 
 def truths(scene) -> dict[str, Callable[[View], np.ndarray]]:
-    """What a perfect network would say about a view."""
+    """Return answers of a perfect network for a view."""
     radiance = "counterfactual.radiance"
     known: dict[str, Callable[[View], np.ndarray]] = {
         kind: lambda v, kind=kind: scene.truth[v.name][kind] for kind in KINDS[:5]
@@ -145,7 +145,7 @@ def test_strength_of_light_does_not_matter_and_dark_is_deep():
 
 
 def test_light_of_a_closed_form():
-    """Where paint and light are known their ratio is the light, whatever the paint; 0 where nothing is."""
+    """Light is the ratio of picture and paint, whatever the paint; 0 without a surface."""
     random = np.random.default_rng(0)
     paint, light = random.uniform(0.1, 0.9, (8, 9, 3)), random.uniform(0.5, 2, (8, 9, 3))
     paint[0] = 0
@@ -326,7 +326,7 @@ LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
 
 @pytest.fixture
 def emptied(scene) -> dict[str, np.ndarray]:
-    """What is known of the first view without its target: a floor of which half is polished."""
+    """Return truths of the first view without its target: a floor of which half is polished."""
     rng, shape = np.random.default_rng(1000), scene.known["object_id"].shape
     roughness = np.where(np.arange(shape[1])[None] < shape[1] / 2, 0.1, 0.8) * np.ones(shape)
     normal = np.array([0.0, 0.0, 1.0]) * np.ones((*shape, 3))
@@ -416,7 +416,7 @@ def test_all_layers_of_a_view_are_displaced_alike():
 
 @pytest.mark.parametrize("severity", [0, 5])
 def test_layers_without_a_truth_are_filled_as_the_classical_source_fills_them(severity: int, scene):
-    """What a method has made up itself."""
+    """A method has made these up itself."""
     hole = scene.known["object_id"] == scene.capture.target
     asks = (methods.Ask("inpainting", ("albedo",)),)
     oracle = make_priors(PriorSpec("oracle", severity), asks, scene.capture, {})

@@ -200,7 +200,8 @@ def test_without_transformers_it_says_what_to_install(scene, tmp_path: Path, mon
 
 
 def stand_in(model_type: str, estimates: str | None, calls: list) -> SimpleNamespace:
-    """As much of ``transformers`` as is called: a network that says 1 + 3 * mean of the encoded image."""
+    """Put the part of ``transformers`` that is called in its place: a network with 1 + 3 * mean of the
+    encoded image."""
 
     class Processor:
         def __call__(self, images: np.ndarray, return_tensors: str) -> dict[str, torch.Tensor]:

@@ -57,7 +57,7 @@ def open_surfels(world: World, directions: Directions) -> torch.Tensor:
 
 
 def test_in_an_even_sky_it_is_the_split_sum(world: World, lit: tuple[dict[str, torch.Tensor], Directions]):
-    """Which is exact there: the mean over directions is the integral, to what 48 of them can tell."""
+    """The sum is exact there: the mean over directions is the integral, as far as 48 of them can tell."""
     values, directions = lit
     rows = open_surfels(world, directions)
     black = torch.full_like(values[BASE_COLOR], -20.0)

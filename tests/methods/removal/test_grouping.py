@@ -67,7 +67,7 @@ def sheets(*places: np.ndarray) -> Parameters:
 
 
 def seen(parameters: Parameters, chosen: np.ndarray, camera: Camera) -> torch.Tensor:
-    """Where chosen surfels are seen: classes."""
+    """Return classes of pixels that see chosen surfels."""
     marks = torch.from_numpy(chosen[:, None].astype(np.float32))
     drawn = rasterize_features(surfels_of(parameters.surfels, marks), camera).features[..., 0]
     return (drawn > 0.5).long()
@@ -191,7 +191,7 @@ def test_identities_tell_an_object_from_the_rest_inside_and_out():
 
 
 def test_identities_that_say_nothing_are_refused():
-    """Of two classes, one that was not learnt has a probability of about one half: more than 0.3."""
+    """A class of two that was not learnt has a probability of about one half: more than 0.3."""
     plain = sheets(grid(0.5, 0.0))
     unlearnt = with_identities(plain, GroupingSettings(), 0)
     sides = {"got all": torch.tensor([-9.0, 9.0]), "got none": torch.tensor([9.0, -9.0])}
@@ -321,7 +321,7 @@ def test_identities_find_nearly_the_surfels_that_exact_shares_find(scene: Path):
 
 
 def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
-    """Where the object is seen: half as far as with it, with what the truth says is behind."""
+    """Pixels of the object are half as far as with it from the true background."""
     capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     found = fitted(scene, iterations=150, second_share=0.5)
     view = capture.train[1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the released code of GOR-IS does otherwise: which views tell others, and what holes are."""
+"""Differences of the released code of GOR-IS: views that guide others, and holes."""
 
 from itertools import combinations
 
@@ -32,7 +32,7 @@ def filled(camera: Camera, value: float) -> Target:
 
 
 def test_views_that_agree_least_and_look_apart_tell_others():
-    """Of four views the pair that differs in colour and direction; the direction alone says nothing."""
+    """The pair of four views differs in colour and direction; the direction alone says nothing."""
     cameras = [above(1.0, 0.0), above(-1.0, 0.1), above(0.9, 0.1), above(-1.0, -0.1)]
     views = {
         k: filled(camera, value)

@@ -32,7 +32,7 @@ from sparse_points import with_points
 QUICK = RemovalSettings(iterations=12, surfels=400, fill=0.0)
 NAMES = ("do-nothing", "removal", "removal-per-view", "removal-one-reference", "grouping")
 HASTY = {"grouping": {"identity_rate": 0.3, "classifier_rate": 0.1}}
-"""What learns in twelve steps whose surfels are."""
+"""Settings that learn the owners of surfels in twelve steps."""
 
 
 def above(x: float, y: float) -> Camera:
@@ -294,7 +294,7 @@ def test_the_scene_with_its_object_is_that_of_the_first_stage(scene: Path):
 
 
 def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
-    """As files in a folder, and with the same bits as alone."""
+    """They share it by files in a folder, with the same bits as alone."""
     capture, doing = open_capture(scene / "capture", check=False), []
     quick = {"iterations": 12, "surfels": 400, "fill": 0.0}
     saving = quick | {"checkpoint": f"{tmp_path}/"}
@@ -315,7 +315,7 @@ def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
 
 
 def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
-    """Where the object is seen: half as far as with it, with what the truth says is behind."""
+    """Pixels of the object are half as far as with it from the true background."""
     capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     priors = told(scene, RemovalMethod.asks, PriorSpec("oracle", 0))
     settings = replace(QUICK, iterations=150, second_share=0.5)

@@ -117,7 +117,7 @@ def known_of(given: Place) -> torch.Tensor:
 
 WAYS = ("", "vector", "vector known", "vector shares", "shares")
 SHAPES = [((8, 16), 3, 2), ((5, 7), 2, 1), ((3,), 4, 3)]
-"""Of surfaces, lamps and lobes: a whole number of vectors, more than one that does not end, and less."""
+"""Numbers of surfaces, lamps and lobes: whole vectors, a vector and a part, and less than one."""
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -133,7 +133,7 @@ def test_light_is_that_of_the_plain_path(shape: tuple[int, ...], lamps: int, lob
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(("shape", "lamps", "lobes"), SHAPES)
 def test_gradients_are_those_of_the_plain_path(shape: tuple[int, ...], lamps: int, lobes: int, way: str):
-    """Of a weighted sum of both that come out, in everything that may move."""
+    """Gradients are of a weighted sum of both outputs, by everything that may move."""
     given = place(shape, lamps, lobes, seed=1)
     weight = torch.rand(*shape, 3, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
 

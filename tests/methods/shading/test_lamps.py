@@ -66,7 +66,7 @@ def test_softened_they_stay_finite_where_they_are() -> None:
 
 
 def test_each_reflects_by_itself() -> None:
-    """Of many lamps at once each is what it is alone."""
+    """Each of many lamps reflects as it does alone."""
     at, rng = torch.from_numpy(POINTS), np.random.default_rng(1)
     normal, eye = (
         torch.nn.functional.normalize(torch.from_numpy(rng.normal(size=(40, 3))), dim=-1) for _ in range(2)

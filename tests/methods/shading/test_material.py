@@ -176,7 +176,7 @@ def test_nothing_comes_from_behind() -> None:
 
 
 def test_behind_is_no_trap_for_gradients() -> None:
-    """Where nothing is returned the slopes are 0, not nan."""
+    """Slopes are 0, not nan, if nothing is returned."""
     normal = torch.tensor([[0.0, 0.0, 1.0]], requires_grad=True)
     color = torch.full((1, 3), 0.5, requires_grad=True)
     surface = Material(color, torch.tensor([0.3]), torch.tensor([0.2]))

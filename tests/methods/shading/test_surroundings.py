@@ -38,7 +38,7 @@ def metal(roughness: float, count: int, color: float = 1.0) -> Material:
 
 
 def test_the_kernel_of_one_face_serves_all() -> None:
-    """As the matrix of the kernels of all faces, which are that of the first with the cube turned."""
+    """The matrix has kernels of all faces, which are that of the first with the cube turned."""
     draw = torch.Generator().manual_seed(3)
     kernel = torch.rand((4, 54), generator=draw, dtype=torch.float64)
     sky = torch.rand((6, 3, 3, 3), generator=draw, dtype=torch.float64).requires_grad_()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often the lamp's network is asked: what a decomposition says is what happens."""
+"""Counts of the lamp's network: those of a decomposition are those that happen."""
 
 from types import SimpleNamespace
 from typing import Any

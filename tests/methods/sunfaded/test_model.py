@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a picture comes about from albedo, a light that stays and a lamp."""
+"""The picture made of albedo, a light that stays and a lamp."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step of ``sunfaded`` moves, and what it leaves alone."""
+"""Parameters that a step of ``sunfaded`` moves, and those that it leaves alone."""
 
 from collections.abc import Callable
 from pathlib import Path

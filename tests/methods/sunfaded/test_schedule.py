@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What moves in which stage."""
+"""Parameters that move in each stage."""
 
 import pytest
 
@@ -63,7 +63,7 @@ def test_without_ambient_light_the_first_stage_has_the_lamp():
 @pytest.mark.parametrize("schedule", ["short", "paper"])
 @pytest.mark.parametrize("name", [*sorted(LAMP), AMBIENT])
 def test_lights_come_to_rest(schedule: Schedule, name: str):
-    """Of what moves to the end, the lights alone: a lamp that still jumps takes surfels and albedo along."""
+    """Lights alone move to the end: a lamp that still jumps takes surfels and albedo along."""
     settings = SunFadedSettings(schedule=schedule)
     rates, ends = learning_rates(2.0, settings), ENDS[schedule]
     last = ends[FitStage.REFINED if name == AMBIENT else FitStage.JOINT] - 1e-6

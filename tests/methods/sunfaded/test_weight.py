@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much a pixel counts for the scene without the lamp."""
+"""Weight of a pixel in the scene without the lamp."""
 
 import numpy as np
 import pytest

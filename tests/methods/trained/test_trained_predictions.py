@@ -37,7 +37,7 @@ from gsplat_3dgs import colours_by_gsplat, drawn_by_gsplat
 from random_gaussians import random_gaussians
 from splat_files import inria_columns, plain, raw_splat, write_ply
 
-exporter = pytest.importorskip("gsplat.exporter", reason="gsplat comes with the extras 'cuda' and 'test'")
+exporter = pytest.importorskip("gsplat.exporter", reason="gsplat comes with the extras 'gpu' and 'test'")
 CLOSE_DB = 0.05
 SIZE = (84, 72)
 """Pixels: fine enough that discs are drawn as such, and not as the pixels that they lie in."""

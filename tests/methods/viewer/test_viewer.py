@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was fitted, to look at: exported surfels, films, and the page in a headless browser."""
+"""Views of a fit: exported surfels, films, and the page in a headless browser."""
 
 import json
 import shutil
@@ -55,7 +55,7 @@ def read_film(path: Path) -> list[np.ndarray]:
 
 
 def fitted_scene(count: int = 60) -> SurfelScene:
-    """As ``2dgs`` would have fitted it, under a black sky."""
+    """Return a scene like a fit of ``2dgs``, under a black sky."""
     found = random_surfels(count, 2, 3, 0.15, opacities=(0.3, 0.95))
     geometry = found.centres, found.rotations, found.scales, found.opacities, found.features
     r = torch.Generator().manual_seed(4)

@@ -103,7 +103,7 @@ def test_streams_are_independent_of_one_another() -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_what_is_held_out_was_seen_and_lamps_are_not_in_the_way(scalar: str, name: str, seed: int) -> None:
-    """Of what test views see, training views see most; lamps fill next to nothing of any view."""
+    """Training views see most of what test views see; lamps fill next to nothing of any view."""
     from graycard.synth.layers._views import surface_layers
     from graycard.synth.renderer._mitsuba import load_scene
 
@@ -128,7 +128,7 @@ def seen_points(camera: Camera, depth: np.ndarray) -> np.ndarray:
 
 
 def sees(camera: Camera, depth: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Whether each point projects into the image and lies near the surface that is seen there."""
+    """Return true for points that project into the image and lie near the surface that is seen there."""
     pixel, z = camera.project(points)
     inside = (z > 0) & (pixel >= 0).all(-1) & (pixel < (camera.width, camera.height)).all(-1)
     column, row = np.where(inside[:, None], pixel, 0).astype(int).T

@@ -37,7 +37,7 @@ def build(name: str, seed: int = 1000, **knobs: Any) -> Scene:
 
 
 def pieces(scene: Scene) -> list[Thing]:
-    """What stands on the table, the target first."""
+    """Return pieces on the table, the target first."""
     names = [thing.name for thing in scene.things]
     return list(scene.things[names.index("table") + 1 : -1])
 
@@ -48,7 +48,7 @@ def points(thing: Thing) -> np.ndarray:
 
 
 def axis(thing: Thing) -> np.ndarray:
-    """Where a thing stands: the middle of its lowest vertices' bounding box in x and y."""
+    """Return the place of a thing: the middle of its lowest vertices' bounding box in x and y."""
     found = points(thing)[:, :2]
     return (found.min(axis=0) + found.max(axis=0)) / 2
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is looked at, what is skipped and why, and what the command line says."""
+"""Checks that are made, those that are skipped and why, and words of the command line."""
 
 import json
 import shutil
