@@ -101,11 +101,10 @@ def ends(job: Named) -> Outcome:
 def test_jobs_are_named_as_they_end():
     told: list[tuple[float, str]] = []
     run_all(ends, [Named("good"), Named("bad")], 1, lambda done, doing: told.append((done, doing)))
-    assert told[0] == (0.0, "0 of 2: good")
-    assert re.fullmatch(r"1 of 2: good, \d+\.\d s", told[1][1])
-    assert told[2] == (0.5, "1 of 2: bad")
-    assert told[3] == (1.0, "2 of 2: bad failed")
-    assert [isinstance(doing, Ended) for _, doing in told] == [False, True, False, True]
+    assert told[:2] == [(0.0, "0 of 2"), (0.0, "0 of 2: good")]
+    assert re.fullmatch(r"1 of 2: good, \d+\.\d s", told[2][1])
+    assert told[3:] == [(0.5, "1 of 2: bad"), (1.0, "2 of 2: bad failed")]
+    assert [isinstance(doing, Ended) for _, doing in told] == [False, False, True, False, True]
 
 
 @dataclass(frozen=True)
@@ -122,14 +121,14 @@ def works(job: object) -> Outcome:
 @pytest.mark.parametrize(
     ("job", "lines"),
     [
-        (Named("dark/a gray"), ["0 of 1: dark/a gray", "0 of 1: dark/a gray: half way"]),
+        (Named("dark/a gray"), ["0 of 1", "0 of 1: dark/a gray", "0 of 1: dark/a gray: half way"]),
         (Nameless(), ["starting a process", "half way"]),
     ],
 )
 def test_jobs_that_say_how_far_they_are_are_named(job: object, lines: list[str]):
     told: list[str] = []
     run_all(works, [job], 1, lambda done, doing: told.append(doing))
-    assert told[:2] == lines
+    assert told[: len(lines)] == lines
 
 
 def test_work_is_named_before_what_it_says():

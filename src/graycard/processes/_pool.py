@@ -173,7 +173,8 @@ class _Pool:
                     self.workers.append(free := _start(self.work, self.limits, self.confines))
             number = self.todo.popleft()
             free.give(number, self.jobs[number], self.limits.time_s)
-            self.tell(self._at(number) or "starting a process")
+            if hasattr(self.jobs[number], "words"):
+                self.tell(self._at(number))
 
     def _await(self) -> None:
         """Wait until something happens to a worker, and take note of it."""
@@ -286,6 +287,7 @@ def run_all(
     end_orphans()
     if todo:
         pool = _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines)
+        pool.tell(pool.counted or "starting a process")
         pool.run(at_a_time)
     return [outcomes[number] for number in range(len(jobs))]
 
