@@ -162,6 +162,16 @@ def test_another_stage_has_a_pace_of_its_own():
     assert re.fullmatch(r"\[10%, 0:00, about 0:00 left\] a tenth\n", shown.getvalue())
 
 
+def test_one_of_many_jobs_that_begins_a_stage_keeps_the_pace():
+    err, shown = console()
+    with logged(err, "suite demo", first_s=1e6, each_s=1e6) as report:
+        report(0.01, "fitting")
+        threading.Event().wait(0.3)
+        report(0.06, "fitting")
+        report(0.03, Ended("1 of 20"))
+    assert re.fullmatch(r"\[3%, 0:00, about 0:\d\d left\] 1 of 20\n", shown.getvalue())
+
+
 def test_what_was_found_done_sets_no_pace():
     err, shown = console()
     with logged(err, "suite demo", first_s=1e6, each_s=1e6) as report:

@@ -21,6 +21,8 @@ EACH_S = 30.0
 """Longest time without a line."""
 EARLY = 0.1
 """A first share beyond this with which a job ends was done since the start; any other was found done."""
+FALL = 0.1
+"""A share that falls by more begins another stage; one of many jobs that does so moves the whole by less."""
 
 
 @dataclass(eq=False)
@@ -42,7 +44,7 @@ class _Log:
         """Note how far the work is; say it if something has ended, or if nothing was said for long."""
         with self.lock:
             ended = isinstance(doing, Ended)
-            if done < self.done:  # another stage of the work, with a pace of its own
+            if done < self.done - FALL:  # another stage of the work, with a pace of its own
                 self.base = time.monotonic(), done
             elif self.base is None and done > 0:
                 whole = ended and done > EARLY

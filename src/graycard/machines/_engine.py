@@ -214,7 +214,8 @@ class _Course:
             self.out[number] = self.machines.client.submit(
                 do_errand, *given, key=name, resources=self.machines.spec.resources or None, pure=False
             )
-            self.progress(len(self.outcomes) / len(self.jobs), self._at(number))
+            if hasattr(self.jobs[number], "words"):
+                self.progress(len(self.outcomes) / len(self.jobs), self._at(number))
 
     def _count(self) -> None:
         """Count the threads of workers, now and then; tell the user if nothing can be done."""

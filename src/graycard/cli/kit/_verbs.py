@@ -15,6 +15,7 @@ from graycard._errors import GraycardError
 from graycard.cli._options import Json, Timeout, optional
 from graycard.cli._runs import limits_of
 from graycard.cli._terminal import FAILED, OK, Terminal, write_optional_json
+from graycard.processes import named
 
 if TYPE_CHECKING:
     from graycard.benchmarks import Command
@@ -108,8 +109,8 @@ class TestMethodCommand:
         if not self._is_command():
             self._refuse_parts()
             priors = None if self.priors is None else parse_priors(self.priors)
-            with terminal.progress(f"checking {self.method}: importing it") as progress:
-                return check_method(self.method, settings, priors, progress, **told)
+            with terminal.progress(f"{self.method}: importing it") as progress:
+                return check_method(self.method, settings, priors, named(progress, self.method), **told)
         if self.priors is not None:
             raise GraycardError("expected no --priors for a command, which is told none. Leave it out")
         try:
