@@ -168,8 +168,8 @@ def test_one_of_many_jobs_that_begins_a_stage_keeps_the_pace():
         report(0.01, "fitting")
         threading.Event().wait(0.3)
         report(0.06, "fitting")
-        report(0.03, Ended("1 of 20"))
-    assert re.fullmatch(r"\[3%, 0:00, about 0:\d\d left\] 1 of 20\n", shown.getvalue())
+        report(0.04, Ended("1 of 20"))
+    assert re.fullmatch(r"\[4%, 0:00, about 0:\d\d left\] 1 of 20\n", shown.getvalue())
 
 
 def test_what_was_found_done_sets_no_pace():
