@@ -26,7 +26,7 @@ from graycard.methods import offers
 from graycard.methods.confined import PROBE
 from graycard.methods.priors import PriorSpec
 from graycard.processes import Limits, StandingWorker
-from graycard.tiny import write_tiny_scene
+from graycard.tiny import add_materials, write_tiny_scene
 
 TRAIN, TEST = 6, 2
 """Views of a tiny scene."""
@@ -92,6 +92,11 @@ def check_method(
     return replace(found, faults=once(found.faults), seconds=time.monotonic() - begun)
 
 
+def tiny_scene(dataset: Path, track: str) -> Path:
+    """Write the scene of a track that methods are checked on, and return its folder."""
+    return add_materials(write_tiny_scene(dataset, track, train=TRAIN, test=TEST, points=True))
+
+
 def _worker(timeout_s: float) -> StandingWorker:
     """Return the worker that runs stages, one after another."""
     return StandingWorker(run_stage, Limits(timeout_s), tasks_each=_STAGES, confines=PROBE)
@@ -111,7 +116,7 @@ class _Check:
         there = self.folder / "data" / track / "tiny-0000"
         if there.is_dir():
             return there
-        return write_tiny_scene(self.folder / "data", track, train=TRAIN, test=TEST, points=True)
+        return tiny_scene(self.folder / "data", track)
 
     def told(self, trial: Trial) -> tuple[Any, tuple[Fault, ...]]:
         """Import the method, and return what it says of itself (nothing if it cannot), and its faults."""

@@ -12,14 +12,13 @@ from graycard.benchmarks._handed import scratch_folder
 from graycard.benchmarks._jobs import guarded
 from graycard.benchmarks.commands._command import Command
 from graycard.benchmarks.commands._fit import CommandSpec, fit_command, introduction_of_command
-from graycard.benchmarks.kit._check import STAGE_S, TEST, TRAIN, Findings
+from graycard.benchmarks.kit._check import STAGE_S, Findings, tiny_scene
 from graycard.benchmarks.kit._conventions import faults_of_conventions
 from graycard.benchmarks.kit._faults import Fault, once
 from graycard.benchmarks.kit._layers import differences, faults_of_layers
 from graycard.io import silent
 from graycard.methods.confined import SERVE
 from graycard.processes import Limits, Outcome, StandingWorker
-from graycard.tiny import write_tiny_scene
 
 _TIMES = 2
 _SAME = 1e-4
@@ -53,7 +52,7 @@ def check_command(
     introduction_of_command(command, settings or {})
     begun = time.monotonic()
     with scratch_folder() as folder, closing(_worker(timeout_s)) as worker:
-        scene = write_tiny_scene(folder / "data", track, train=TRAIN, test=TEST, points=True)
+        scene = tiny_scene(folder / "data", track)
         spec = CommandSpec(command, "command", settings or {}, 0, scene, allowed)
         made = [folder / f"run-{number}" / "predictions" for number in range(_TIMES)]
         faults: list[Fault] = []

@@ -9,7 +9,9 @@ import numpy as np
 _RATIO = 0.4
 _LIMIT = 0.05
 _APART = 0.05
-"""Share by which the factors of views may differ, and by which one must differ from 1."""
+"""Share by which the factors of views may differ."""
+_BEYOND = 0.1
+"""Share by which a factor must differ from 1: less is an error of a fit whose discs are not in place yet."""
 
 
 class Scale(NamedTuple):
@@ -38,8 +40,8 @@ def scale_hints(scales: Sequence[Scale]) -> list[tuple[str, str]]:
     factors = np.array([scale.factor for scale in scales])
     before, after, constant = np.array([scale[1:] for scale in scales]).mean(axis=0)
     middle = float(np.median(factors))
-    alike = np.abs(factors - middle).max() < _APART * middle and abs(middle - 1) > _APART
-    if not alike or after > _LIMIT or after >= _RATIO * min(before, constant):
+    alike = np.abs(factors - middle).max() < _APART * middle
+    if not alike or abs(middle - 1) <= _BEYOND or after > _LIMIT or after >= _RATIO * min(before, constant):
         return []
     says = f"depth looks scaled: times {middle:.4g} it fits (error {before:.2g} before, {after:.2g} after)"
     return [(says, f"times={middle:.6g}")]

@@ -14,7 +14,7 @@ from graycard import __version__
 from graycard._camera import Camera, look_at
 from graycard._capture import POINTS, Capture, View
 from graycard._truth import SceneObject, Truth
-from graycard.dataset import write_index
+from graycard.dataset import open_truth, write_index
 from graycard.io import Manifest, write_layers, write_manifest, write_rgb
 from graycard.lights import Light, PointLight, world_position, write_lights
 from graycard.points import Points, write_points
@@ -25,6 +25,7 @@ RADIUS = 0.6
 TARGET = 3
 ALBEDO = {0: (0.0, 0.0, 0.0), 1: (0.55, 0.45, 0.30), 2: (0.20, 0.45, 0.60), TARGET: (0.6, 0.1, 0.1)}
 LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+_ORIGIN = {"name": "graycard.tiny", "version": __version__}
 _BACKGROUND = 0.02
 """Radiance where nothing is, W/m²/sr."""
 _OBJECTS = SceneObject(1, "floor", False), SceneObject(2, "ball", False), SceneObject(TARGET, "target", False)
@@ -120,10 +121,44 @@ def write_tiny_scene(
     if points:
         write_points(folder / "capture" / POINTS, _points(views, exposure))
     write_lights(folder / "truth" / "lights.json", (LAMP,))
-    origin = {"name": "graycard.tiny", "version": __version__}
-    write_manifest(folder / "capture", Manifest("graycard-capture", 1, track, scene, origin, {}, {}))
-    write_manifest(folder / "truth", Manifest("graycard-truth", 1, track, scene, origin, {"scene": 0}, {}))
+    write_manifest(folder / "capture", Manifest("graycard-capture", 1, track, scene, _ORIGIN, {}, {}))
+    _seal_truth(folder, track, scene)
     return folder
+
+
+def add_materials(scene: Path) -> Path:
+    """Add true materials to a tiny scene, all of them matte, and what is behind its target if it has one.
+
+    Oracles then answer each ask of a method.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>`` of :func:`write_tiny_scene`; its truth is changed.
+
+    Returns:
+        The same folder.
+    """
+    truth = open_truth(scene / "truth", check=False)
+    for view in truth.views:
+        layers = truth.layers(view)
+        matte = _matte(layers["base_color"])
+        added = matte | {"diffuse_reflectance": layers["base_color"], "metallic": 0 * matte["roughness"]}
+        if truth.target is not None:
+            behind = {**matte, "normal": shade(view.camera, with_target=False)["normal"]}
+            behind["diffuse"] = layers["counterfactual.radiance"]
+            added |= {f"counterfactual.{name}": values for name, values in behind.items()}
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", {**layers, **added})
+    _seal_truth(scene, truth.track, truth.scene)
+    return scene
+
+
+def _seal_truth(folder: Path, track: str, scene: str) -> None:
+    """Write the manifest of the truth, with the hashes of its files."""
+    write_manifest(folder / "truth", Manifest("graycard-truth", 1, track, scene, _ORIGIN, {"scene": 0}, {}))
+
+
+def _matte(base: np.ndarray) -> dict[str, np.ndarray]:
+    """Return specular layers of surfaces that have none."""
+    return {"roughness": np.ones(base.shape[:2], np.float32), "f0": np.zeros_like(base)}
 
 
 def brighter(lights: Sequence[Light], factor: float) -> tuple[Light, ...]:

@@ -130,6 +130,8 @@ FAULTS = (
           "depth.abs_rel", "depth looks like distance along the ray"),
     Fault("millimetres", of("depth", lambda v, _: v * 1000), DEPTH,
           "depth.abs_rel", "depth looks like millimetres"),
+    Fault("a world a fifth too large", of("depth", lambda v, _: v * 1.2), DEPTH,
+          "depth.abs_rel", "depth looks scaled: times 0.8333"),
     Fault("disparity", of("depth", lambda v, _: 1 / v), DEPTH,
           "depth.abs_rel", "depth looks like 1 / z"),
     Fault("alpha for roughness", of("roughness", lambda v, _: v**2), ROUGH,
@@ -295,7 +297,14 @@ def baked(view: View, layers: Layers) -> Layers:
     return layers | {"base_color": layers["base_color"] * tint, "normal": layers["normal"] + 0.3}
 
 
-@pytest.mark.parametrize("honest", [nothing, noisy, blurred, gray, mean_picture, photograph, retinex, baked])
+def near(view: View, layers: Layers) -> Layers:
+    """Discs of a fit that has only begun: all a little too near."""
+    return layers | {"depth": 0.94 * layers["depth"]}
+
+
+@pytest.mark.parametrize(
+    "honest", [nothing, noisy, blurred, gray, mean_picture, photograph, retinex, baked, near]
+)
 def test_honest_predictions_draw_no_hint(honest: Change, sheet_of: Callable[..., ScoreSheet]) -> None:
     assert hints(sheet_of(honest)) == []
 

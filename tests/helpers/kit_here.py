@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from graycard.benchmarks.kit import _check, _commands
-from graycard.tiny import write_tiny_scene
 from tiny_benches import served_here
 
 
@@ -25,7 +24,7 @@ class _Here:
 
 @cache
 def _scene_of(dataset: Path, track: str) -> Path:
-    return write_tiny_scene(dataset, track, train=_check.TRAIN, test=_check.TEST, points=True)
+    return _check.tiny_scene(dataset, track)
 
 
 def checked_here(patch: pytest.MonkeyPatch, temporary: Path, dataset: Path) -> None:
