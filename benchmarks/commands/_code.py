@@ -214,7 +214,10 @@ def _hashes_below(root: Path) -> Iterator[tuple[str, str]]:
 
 def _known_sha256(path: Path) -> str:
     """Return SHA-256 of a file that may be large, and that was probably hashed before."""
-    told = path.stat()
+    try:
+        told = path.stat()
+    except OSError:
+        return _sha256(path)  # which says why
     if time.time() - max(told.st_mtime, told.st_ctime) < _SETTLED_S:
         return _sha256(path)
     return _sha256_at(path, (told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns))

@@ -133,8 +133,11 @@ def test_jobs_that_say_how_far_they_are_are_named(job: object, lines: list[str])
 
 def test_work_is_named_before_what_it_says():
     told: list[tuple[float, str]] = []
-    named(lambda done, doing: told.append((done, doing)), "2dgs on dark/a")(0.5, "fitting 400 surfels")
-    assert told == [(0.5, "2dgs on dark/a: fitting 400 surfels")]
+    report = named(lambda done, doing: told.append((done, doing)), "2dgs on dark/a")
+    report(0.5, "fitting 400 surfels")
+    report(1.0, Ended("all"))
+    assert told == [(0.5, "2dgs on dark/a: fitting 400 surfels"), (1.0, "2dgs on dark/a: all")]
+    assert isinstance(told[1][1], Ended)
 
 
 def test_a_job_without_a_name_is_counted():

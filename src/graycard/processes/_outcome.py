@@ -35,7 +35,11 @@ def part_of(progress: Progress, number: int, of: int, doing: str) -> Progress:
 
 def named(progress: Progress, words: str) -> Progress:
     """Return progress in words that begin with what is worked on."""
-    return lambda done, doing: progress(done, f"{words}: {doing}")
+
+    def report(done: float, doing: str, /) -> None:
+        progress(done, doing.after(f"{words}:") if isinstance(doing, Ended) else f"{words}: {doing}")
+
+    return report
 
 
 @dataclass(frozen=True, slots=True)
