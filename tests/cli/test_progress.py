@@ -77,6 +77,16 @@ def test_a_terminal_shows_share_and_time_from_the_start():
     assert re.search(r"fitting 1 of 2.* 50%", shown.getvalue())
 
 
+def test_a_narrow_terminal_cuts_the_words_and_not_the_times():
+    shown = io.StringIO()
+    terminal = Terminal(err=Console(file=shown, force_terminal=True, width=80))
+    with terminal.progress("suite demo") as report:
+        report(0.5, "fitting 7 of 12: dark/corridor-0000 sunfaded: fitting 5000 surfels of many")
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.getvalue())
+    last = plain.replace("\r", "\n").strip().splitlines()[-1]
+    assert re.fullmatch(r"fitting 7 of 12: dark/corridor-0000 .*… \S+ +50% 0:00:00 left \S+", last.strip())
+
+
 def test_a_part_keeps_what_is_an_end():
     told: list[tuple[float, str]] = []
     report = part_of(lambda done, doing: told.append((done, doing)), 1, 4, "fitting")

@@ -12,7 +12,15 @@ from textwrap import fill
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    ProgressColumn,
+    Task,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 from rich.text import Text
@@ -98,12 +106,20 @@ class Terminal:
                 yield report
 
 
+class _Doing(ProgressColumn):
+    """Words on what is done: where a terminal is narrow they are cut, and the times are not."""
+
+    def render(self, task: Task) -> Text:
+        """Return the words, on one line."""
+        return Text(task.description, overflow="ellipsis", no_wrap=True)
+
+
 @contextmanager
 def _bar(console: Console, doing: str) -> Iterator[Progress]:
     """Show a bar for the length of a block: what, how far, since when and for how long still."""
     columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
+        _Doing(),
+        BarColumn(bar_width=console.width // 8),
         TaskProgressColumn(),
         TimeElapsedColumn(),
         TextColumn("left", style="dim"),
