@@ -46,7 +46,7 @@ class TrackSection:
     compared: Compared
     rows: tuple[MetricRow, ...]
     quiet: tuple[MetricRow, ...]
-    """Of metrics that no competing method provides."""
+    """Metrics that no competing method provides."""
     failures: tuple[Trouble, ...]
     scenes: tuple[SceneSection, ...]
 

@@ -70,7 +70,7 @@ class SceneSection:
     faults: tuple[MethodFault, ...]
     rows: tuple[MetricRow, ...]
     quiet: tuple[MetricRow, ...]
-    """Of metrics that no competing method provides."""
+    """Metrics that no competing method provides."""
     spreads: tuple[Spread, ...]
     """Spread of base colour over published protocols; empty where none was asked for."""
     viewed: tuple[MethodHead, ...]

@@ -40,7 +40,7 @@ class Standing:
     """Among methods with their own settings; None for references and variants, which are never ranked."""
     cells: tuple[Cell, ...]
     quiet: tuple[Cell, ...] = ()
-    """Of metrics that are left out."""
+    """Metrics that are left out."""
 
 
 @dataclass(frozen=True, slots=True)
