@@ -23,7 +23,13 @@ class PriorBadge:
 
     text: str
     """Text as in ``oracle 2``."""
-    help: str
+    answers: str
+    """Text as in ``answers are the truth made wrong by severity 2 of 1 to 5``."""
+
+    @property
+    def help(self) -> str:
+        """Return the sentence that explains the text."""
+        return f"Told more than the photographs by priors: {self.answers}"
 
 
 def prior_badges(record: RunRecord) -> dict[str, PriorBadge]:
@@ -54,7 +60,7 @@ def prior_badge(priors: Mapping[str, Any]) -> PriorBadge | None:
     answers += [f"those about {kind.replace('_', ' ')} are {_answers(spec)}" for kind, spec in own.items()]
     return PriorBadge(
         ", ".join([*main, *short[:_SHOWN], *more]),
-        f"Told more than the photographs by priors: {'; '.join(answers)}",
+        "; ".join(answers),
     )
 
 

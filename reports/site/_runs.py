@@ -8,6 +8,7 @@ from typing import Any
 from graycard.io import read_json
 from graycard.records import Comparison, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.reports._format import count, format_date, format_seconds, format_value
+from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._tracks import headline_of, words_of
 from graycard.reports.site._sources import Published
 from graycard.reports.tables._cells import Cell
@@ -89,7 +90,8 @@ class MethodLine:
     name: str
     summary: str
     """With its settings, where a ledger tells them."""
-    sees: str
+    handed: str
+    """Parts of the truth that it is handed, and what its priors tell of it; empty for photographs alone."""
     entry: str
 
 
@@ -126,7 +128,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
     comparison = compare(record)
     suite = _suite(run)
     names = dict.fromkeys([s.track for s in record.scenes] + [r.job.track for r in record.results])
-    told = run.ledger.methods if run.ledger else {}
+    told, badges = run.ledger.methods if run.ledger else {}, prior_badges(record)
     return SiteRun(
         name=run.name,
         anchor=run.anchor,
@@ -148,7 +150,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
         edition=record.edition.tag if record.edition else "",
         boards=tuple(_board(record, comparison, track, f"{run.anchor}--{track}") for track in names),
         scenes=tuple(map(_scene, record.scenes)),
-        methods=tuple(_method(method, told.get(method.name, "")) for method in record.methods),
+        methods=tuple(_method(m, told.get(m.name, ""), badges.get(m.name)) for m in record.methods),
     )
 
 
@@ -157,9 +159,10 @@ def _scene(scene: SceneRecord) -> SceneLine:
     return SceneLine(scene.track, scene.scene, scene.family, seed, scene.title, _knobs(scene.knobs))
 
 
-def _method(method: MethodRecord, told: str) -> MethodLine:
+def _method(method: MethodRecord, told: str, priors: PriorBadge | None) -> MethodLine:
     code = "other code" if method.predictions else method.entry
-    return MethodLine(method.name, told or method.summary, ", ".join(method.sees), code)
+    handed = [*method.sees, *([f"priors: {priors.answers}"] if priors else [])]
+    return MethodLine(method.name, told or method.summary, ", ".join(handed), code)
 
 
 def _suite(run: Published) -> Mapping[str, Any]:
@@ -220,6 +223,7 @@ def _row(
 ) -> BoardRow:
     method = standing.method
     notes = [f"is handed {', '.join(method.sees)}"] if method.sees else []
+    notes += [f"priors: {method.priors.text}"] if method.priors else []
     notes += ["made by other code"] if method.submitted else []
     notes += [f"{method.variant_of} with settings of its own"] if method.variant_of else []
     cells = []

@@ -210,11 +210,24 @@ def test_variants_stand_below_their_method_and_never_lead(own_site: Path):
     assert [place for n, place in enumerate(ranked, 1) if place not in (str(n), ranked[n - 2])] == []
     darkgs = words(next(row for name, row in rows if name == "darkgs"))
     assert "50.00 50.00 to 50.00 50.00 by 1 missing light" in darkgs
+    assert "priors: oracle 0" in darkgs
     for name in variants:
         above = order[: order.index(name)]
         assert next(other for other in reversed(above) if other not in variants) == entry[name]
     (leaders,) = of_class(board, "leaders")
     assert not variants & {words(found) for found in of_class(leaders, "method")}
+
+
+def test_rows_that_priors_told_something_say_what(own_site: Path):
+    page = parsed(own_site / "methods.html")
+    rows = {}
+    for row in page.iter("tr"):
+        cells = list(row.iter("td"))
+        if cells:
+            rows[words(of_class(row, "method")[0])] = words(cells[-1])
+    assert rows["darkgs"] == "priors: answers are the truth itself (severity 0)"
+    assert "severity 2 of 1 to 5" in rows["goris"]
+    assert rows["2dgs"] == "nothing"
 
 
 def test_programs_read_the_same(own_site: Path):
