@@ -27,7 +27,8 @@ LEGEND: Final[Mapping[str, str]] = {
 }
 """Verdicts on claims of papers, and what they mean."""
 
-_TABLE_WORDS: Final = ("consistent", "inconsistent")
+TABLE_WORDS: Final = ("consistent", "inconsistent")
+"""Verdicts on the figures of a paper's table held against each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,7 @@ def _anchored(papers: Iterable[PaperRows]) -> Iterator[PaperRows]:
 
 
 def _paper(paper: PaperResult) -> PaperRows:
-    tables = [claim for claim in paper.claims if claim.verdict in _TABLE_WORDS]
+    tables = [claim for claim in paper.claims if claim.verdict in TABLE_WORDS]
     own = [claim for claim in paper.claims if claim.asked_by == "graycard"]
     claims = [claim for claim in paper.claims if claim not in tables and claim not in own]
     groups = (

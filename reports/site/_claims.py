@@ -9,6 +9,7 @@ from typing import get_args
 
 from graycard.records import Asker, ClaimResult, ClaimVerdict, Ledger, PaperResult
 from graycard.reports._budgets import BudgetTable, budget_table
+from graycard.reports._claims import TABLE_WORDS
 from graycard.reports._format import count, format_value, format_with_unit
 from graycard.reports.history._changes import TABLES
 from graycard.reports.history._page import Row, SuiteHistory, suite_histories
@@ -94,6 +95,14 @@ class SiteClaim:
         return sum(past.mark == "changed" for past in self.past)
 
 
+def _counted(noun: str, claims: Sequence[SiteClaim]) -> str:
+    """Return a number of claims of one kind, and of them how many have which verdict."""
+    head = count(len(claims), noun)
+    found = Counter(claim.shown[0].verdict for claim in claims if claim.shown)
+    words = ", ".join(f"{found[word]} {word}" for word in get_args(ClaimVerdict) if found[word])
+    return f"{head}: {words}" if words else head
+
+
 @dataclass(frozen=True, slots=True)
 class SitePaper:
     """A paper with all of its claims."""
@@ -104,10 +113,15 @@ class SitePaper:
 
     @property
     def counted(self) -> str:
-        """Return how many claims have which verdict; one of several runs counts by the first shown."""
-        found = Counter(claim.shown[0].verdict for claim in self.claims if claim.shown)
-        words = ", ".join(f"{found[word]} {word}" for word in get_args(ClaimVerdict) if found[word])
-        return f"{count(len(self.claims), 'claim')}: {words}" if words else count(len(self.claims), "claim")
+        """Return how many claims, own questions and tables have which verdict.
+
+        One of several runs counts by the first shown.
+        """
+        kinds: dict[str, list[SiteClaim]] = {"claim": [], "own question": [], "table": []}
+        for claim in self.claims:
+            asked = "own question" if claim.asked_by == "graycard" else "claim"
+            kinds["table" if claim.shown and claim.shown[0].verdict in TABLE_WORDS else asked].append(claim)
+        return "; ".join(_counted(noun, found) for noun, found in kinds.items() if found)
 
 
 def site_papers(

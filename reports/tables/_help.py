@@ -45,6 +45,8 @@ class MetricHead:
     """The worst and best value of this table, and whose they are."""
     counts: bool = True
     """True if it counts for the order of a leaderboard: fewer than two methods cannot be compared."""
+    scenes: str = ""
+    """Words on the scenes that have such a score, as ``7 of 8 scenes``; empty where all have."""
 
 
 def metric_head(record: MetricRecord) -> MetricHead:

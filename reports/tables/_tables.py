@@ -146,7 +146,8 @@ def leaderboard(
     heads = _heads(record, results)
     rivals = [h for h in heads if not h.sees]
     shown = [m for m in headline if not _is_silent(results, rivals, m)]
-    plain = {m: _column(_readings(results, m), heads, m) for m in shown}
+    read = {m: _readings(results, m) for m in shown}
+    plain = {m: _column(read[m], heads, m) for m in shown}
     columns = {m: {h: compared.dress(c, m.id, h.name) for h, c in plain[m].items()} for m in shown}
     rows = {h: tuple(columns[m][h] for m in shown) for h in heads}
     left_out = [m for m in headline if m not in shown]
@@ -160,7 +161,12 @@ def leaderboard(
     ranked = sorted(rivals, key=lambda h: order.get(h, among_all[h]))
     return Leaderboard(
         tuple(
-            replace(metric_head(m), here=_range_of(columns[m], m.higher_is_better), counts=counts)
+            replace(
+                metric_head(m),
+                here=_range_of(columns[m], m.higher_is_better),
+                counts=counts,
+                scenes=read[m].words,
+            )
             for m, counts in zip(shown, counted, strict=True)
         ),
         tuple(
@@ -200,7 +206,8 @@ def metric_rows(
             cells = {h: compared.bound(cell, metric.id, h.name) for h, cell in cells.items()}
         best = _best(cells, metric.higher_is_better)
         parts, rules = _breakdowns(readings, methods, metric)
-        head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
+        here = _range_of(cells, metric.higher_is_better)
+        head = replace(metric_head(metric), here=here, scenes=readings.words)
         marked = tuple(replace(cell, best=h in best) for h, cell in cells.items())
         rows.append(MetricRow(head, marked, parts, rules))
     return tuple(rows)
@@ -271,6 +278,12 @@ class _Readings:
     by_method: Mapping[str, Sequence[Reading]]
     scenes: frozenset[str]
     """Those that have a score by it; all, where none has."""
+    every: frozenset[str]
+
+    @property
+    def words(self) -> str:
+        """Return the number of scenes that have a score by it, and of all; empty where all have."""
+        return "" if self.scenes == self.every else f"{len(self.scenes)} of {len(self.every)} scenes"
 
 
 def _readings(results: Sequence[JobResult], metric: MetricRecord) -> _Readings:
@@ -278,7 +291,8 @@ def _readings(results: Sequence[JobResult], metric: MetricRecord) -> _Readings:
     for result in results:
         found.setdefault(result.job.method, []).append(read_metric(result, metric.id))
     scenes = {r.job.scene for r in results if find_score(r, metric.id)}
-    return _Readings(found, frozenset(scenes or {r.job.scene for r in results}))
+    every = frozenset(r.job.scene for r in results)
+    return _Readings(found, frozenset(scenes) or every, every)
 
 
 def _column(

@@ -216,6 +216,8 @@ function start() {
   if (filter instanceof HTMLInputElement) filter.addEventListener("input", () => {
     wantedRows = filter.value.toLowerCase().split(/[\s,]+/).filter(Boolean);
     applyRows(document);
+    const names = [...document.querySelectorAll("[data-row]")].map((row) => row.getAttribute("data-row") ?? "");
+    need(document, ".row-tools [role=status]", HTMLElement).textContent = names.some(isWanted) ? "" : "no row has this name";
   });
   const variants = document.querySelector(".show-variants");
   if (variants instanceof HTMLInputElement) variants.addEventListener("change", () => document.body.classList.toggle("fold", !variants.checked));

@@ -35,6 +35,15 @@ function sortRows(table, column, up) {
   }
 }
 
+/**
+ * True if a column begins with its least: words, places, and metrics of which less is better. Others begin with the most.
+ * @param {HTMLTableElement} table @param {HTMLTableCellElement} head @param {number} column
+ */
+function beginsWithLeast(table, head, column) {
+  if (textOf(head) === "#" || head.querySelector(".arrow")?.textContent === "↓") return true;
+  return [...table.tBodies].every((body) => [...body.rows].every((row) => row.cells.length <= column || Number.isNaN(numberOf(row.cells[column]))));
+}
+
 /** @param {HTMLTableElement} table */
 function makeSortable(table) {
   [...(table.tHead?.rows[0]?.cells ?? [])].forEach((head, column) => {
@@ -44,7 +53,8 @@ function makeSortable(table) {
     button.textContent = "↕";
     button.setAttribute("aria-label", `Sort by ${textOf(head) || "row"}`);
     button.addEventListener("click", () => {
-      const up = head.getAttribute("aria-sort") === "descending";
+      const sorted = head.getAttribute("aria-sort");
+      const up = sorted ? sorted === "descending" : beginsWithLeast(table, head, column);
       for (const other of table.tHead?.rows[0]?.cells ?? []) {
         other.removeAttribute("aria-sort");
         need(other, ".sort", HTMLElement).textContent = "↕";

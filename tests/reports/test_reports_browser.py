@@ -313,6 +313,13 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
         row.get_attribute("data-row") for row in table.locator("tbody").first.locator("tr").all()
     ] != first
     assert dict(table.locator("tbody").first.evaluate(places)) == before, "a place is of the whole table"
+    first_head = table.locator("thead th").first
+    first_head.locator(".sort").click()
+    assert first_head.get_attribute("aria-sort") == "ascending", "the best place comes first"
+    said = page.locator(".row-tools [role=status]")
+    for words, expected in (("nobody", "no row has this name"), ("", "")):
+        page.locator(".row-filter").fill(words)
+        assert said.text_content() == expected
     open_one.locator(".find").fill("steps, light")
     assert [r.get_attribute("data-row") for r in table.locator("tbody tr").all() if r.is_visible()] == [
         "retinex"

@@ -81,9 +81,13 @@ def test_report_shows_strips_and_breakdowns(make_run: Callable[..., tuple[Path, 
         protocols = (by("raw-1", 16.0), by("<wide>-1", 30.0))
         return replace(r, sheet=replace(r.sheet, scores=scores, protocols=protocols))
 
-    write_json(run / "run.json", replace(record, results=tuple(enrich(r) for r in record.results)))
+    methods = tuple(replace(m, entry="gray") if m.name == "retinex" else m for m in record.methods)
+    results = tuple(enrich(r) for r in record.results)
+    write_json(run / "run.json", replace(record, methods=methods, results=results))
     html = opened(write_report(run).read_text(encoding="utf-8"))
     assert "<title>&lt;wide&gt;-1: 30.00</title>" in html
     assert "spread 14.00 dB" in html
+    for row, kind in (("gray", ""), ("retinex", " variant")):  # folded and filtered as in all tables
+        assert f'<div class="strip-row{kind}" data-row="{row}">' in html
     assert "<b>gray</b> interior 1.25" in html
     assert "interior: pixels of one surface and colour" in html

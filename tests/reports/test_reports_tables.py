@@ -437,3 +437,12 @@ def test_pictures_are_called_best_and_next_only_if_they_are() -> None:
     assert _labels(order, "a", "c") == {"a": "best", "c": "next with pictures"}
     assert _labels(order, "b", "c") == {"b": "best with pictures", "c": "next with pictures"}
     assert _labels(order, "c", "") == {"c": "best with pictures"}
+
+
+def test_the_head_says_how_many_scenes_have_such_a_score() -> None:
+    results = [
+        make_result("x", "a", make_score(UP, 5), make_score(DOWN, 5)),
+        make_result("x", "b", make_score(DOWN, 5)),
+    ]
+    heads = {head.id: head.scenes for head in make_board(results).metrics}
+    assert heads == {UP.id: "1 of 2 scenes", DOWN.id: ""}

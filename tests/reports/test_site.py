@@ -170,6 +170,16 @@ def test_every_verdict_that_was_ever_published_is_in_the_history_of_its_claim(ow
             assert any(told), claim.id
 
 
+def test_claims_own_questions_and_tables_are_counted_apart(own_site: Path):
+    told = words(by_id(parsed(own_site / "index.html"), "content"))
+    counted = r"(\d+) claims: [^;]*; (\d+) own questions: [^;]*; (\d+) table: 1 inconsistent"
+    (numbers,) = re.findall(counted, told)
+    goris = {claim.id: claim for _, title, claim in published_claims() if title.startswith("GOR-IS")}
+    own = sum(claim.asked_by == "graycard" for claim in goris.values())
+    tables = sum(claim.verdict == "inconsistent" for claim in goris.values())
+    assert tuple(map(int, numbers)) == (len(goris) - own - tables, own, tables)
+
+
 def test_the_overview_has_a_line_for_each_claim_and_run(own_site: Path):
     page = parsed(own_site / "index.html")
     rows = [words(row) for row in page.iter("tr")]
