@@ -21,13 +21,12 @@ from graycard.reports.tables._summary import SummaryRow, summary_rows
 from graycard.reports.tables._tables import (
     Leaderboard,
     MetricRow,
-    Trouble,
-    failures,
     leaderboard,
     metric_rows,
     metrics_of,
     told_rows,
 )
+from graycard.reports.tables._troubles import Trouble, failures
 
 
 @dataclass(frozen=True, slots=True)

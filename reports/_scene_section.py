@@ -22,13 +22,12 @@ from graycard.reports.plan._plan import Plan, build_plan
 from graycard.reports.tables._tables import (
     MethodHead,
     MetricRow,
-    Trouble,
     ViewRow,
     metric_rows,
     told_rows,
     view_rows,
-    warnings,
 )
+from graycard.reports.tables._troubles import Trouble, warnings
 
 
 @dataclass(frozen=True, slots=True)

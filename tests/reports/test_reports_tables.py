@@ -26,14 +26,13 @@ from graycard.reports.tables._cells import Reading, pool, read_metric
 from graycard.reports.tables._compared import compare_track
 from graycard.reports.tables._tables import (
     Leaderboard,
-    failures,
     leaderboard,
     metric_rows,
     metrics_of,
     told_rows,
     view_rows,
-    warnings,
 )
+from graycard.reports.tables._troubles import failures, warnings
 
 UP = MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
 DOWN = MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
