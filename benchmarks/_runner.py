@@ -52,7 +52,7 @@ from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
 from graycard.eval import all_metrics
-from graycard.eval.statistics import compare_run
+from graycard.eval.statistics import compare_first_look
 from graycard.io import sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
@@ -361,7 +361,7 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
         claims: Names of files of claims; those that are made for the suite if empty.
     """
     write_json(run / "run.json", record)
-    write_json(run / COMPARISON, compare_run(record.at_look(0)))
+    write_json(run / COMPARISON, compare_first_look(record))
     if names := claims or claims_of_suite(record.suite):
         write_json(run / CLAIMS, judge_run(record, run, names))
 

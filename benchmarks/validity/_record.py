@@ -13,7 +13,7 @@ from typing import Any
 from graycard import OlderRecordError, RecordError
 from graycard.benchmarks._handed import GUARDS
 from graycard.benchmarks._sources import PACKAGES
-from graycard.eval.statistics import above_ceiling, compare_run
+from graycard.eval.statistics import above_ceiling, compare_first_look
 from graycard.io import to_builtins
 from graycard.methods import BUILT_IN
 from graycard.records import JobResult, RunRecord, Score, read_comparison
@@ -276,7 +276,7 @@ def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
     if written is None:
         what = "expected comparison.json, got none. Run `graycard bench` again: it fits nothing anew"
         return [Breach("comparison", "comparison.json", what, unknown=True)]
-    where = difference(to_builtins(written), to_builtins(compare_run(run.at_look(0))))
+    where = difference(to_builtins(written), to_builtins(compare_first_look(run)))
     if where is None:
         return []
     return [

@@ -41,6 +41,7 @@ the rest leads group 2. A method of group 1 may so be told from another of group
 from graycard.eval.statistics._compare import RULE as RULE
 from graycard.eval.statistics._compare import Question as Question
 from graycard.eval.statistics._compare import above_ceiling as above_ceiling
+from graycard.eval.statistics._compare import compare_first_look as compare_first_look
 from graycard.eval.statistics._compare import compare_run as compare_run
 from graycard.eval.statistics._correction import FAR as FAR
 from graycard.eval.statistics._correction import MARGIN as MARGIN

@@ -104,6 +104,18 @@ def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
     )
 
 
+def compare_first_look(run: RunRecord, question: Question | None = None) -> Comparison:
+    """Return the comparison that stands beside a run: of the scenes that it began with.
+
+    Scenes that later looks added have the rows of undecided claims alone, and were added for what was seen.
+
+    Args:
+        run: As of :func:`compare_run`.
+        question: As of :func:`compare_run`.
+    """
+    return compare_run(run.at_look(0), question)
+
+
 class _Track:
     """The results of a track, sorted once for all its metrics."""
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The published folders that a site is made of, and the histories above them."""
 
+import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,18 +10,23 @@ from pathlib import Path
 from graycard import RecordError
 from graycard.io import check_name, from_builtins, read_bytes, read_json
 from graycard.records import (
+    CLAIMS,
     HISTORY,
     PUBLISHED_PAGE,
+    RUN_FILE,
     Ledger,
     VerdictHistory,
-    is_published,
+    is_published_run,
     read_history,
     read_ledger,
 )
 from graycard.reports.history._reasons import Reasons, load_reasons
 from graycard.reports.site._anchors import Anchors
 
-RUN_FILE = "run.json"
+SITE = "ledger.json"
+"""A site for programs, and the list of its files."""
+_SIGNS = (PUBLISHED_PAGE, RUN_FILE, CLAIMS, "suite.json")
+"""Files of a published run: a folder with one of them that is no such run may be a damaged one."""
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""
 _ANCHOR = re.compile(rb'\b(?:id="|href="#)(claim-[^"]+)"')
@@ -57,13 +63,18 @@ class Kept:
 def published_runs(places: Sequence[Path]) -> tuple[Published, ...]:
     """Return the published runs at some places, each a published folder or one that holds such.
 
-    A run that is named twice is there once. Files beside runs are left out: see :func:`beside_runs`.
+    A run that is named twice is there once. What lies beside runs is left out: see :func:`beside_runs`.
 
     Raises:
         RecordError: A place holds none, two have one name, or a ledger is damaged.
     """
-    beside = beside_runs(places)
-    found = [folder for place in places if place not in beside for folder in _folders_at(Path(place))]
+    beside = {place.resolve() for place in beside_runs(places)}
+    found = [
+        folder
+        for place in places
+        if Path(place).resolve() not in beside
+        for folder in _folders_at(Path(place))
+    ]
     folders = list({folder.resolve(): folder for folder in found}.values())
     names = [folder.resolve().name for folder in folders]
     if not folders:
@@ -77,12 +88,13 @@ def published_runs(places: Sequence[Path]) -> tuple[Published, ...]:
 
 
 def beside_runs(places: Iterable[Path]) -> tuple[Path, ...]:
-    """Return the places that are files beside published runs, as ``published/*`` of a shell gives them."""
-    return tuple(
-        place
-        for place in places
-        if Path(place).is_file() and any(map(_is_run, _folders_in(Path(place).absolute().parent)))
-    )
+    """Return what lies beside published runs and is none.
+
+    Of places these are all that do, as ``published/*`` of a shell gives them. Of a folder that holds runs
+    these are the folders that may be damaged ones.
+    """
+    found = [own for place in places for own in _beside(Path(place))]
+    return tuple({own.resolve(): own for own in found}.values())
 
 
 def histories(runs: Iterable[Published]) -> tuple[Kept, ...]:
@@ -112,18 +124,33 @@ def tables_of(kept: Iterable[Kept]) -> tuple[Ledger, ...]:
 
 
 def _folders_at(place: Path) -> list[Path]:
-    if _is_run(place):
+    if is_published_run(place):
         return [place]
-    if found := [path for path in _folders_in(place) if _is_run(path)]:
+    if found := _runs_in(place):
         return found
     raise RecordError(
         f"expected a published run, or a folder of such, at {place}, got none. Make one: `graycard publish`"
     )
 
 
-def _is_run(folder: Path) -> bool:
-    """Return true for a published run; false for other pages, as an earlier site beside it."""
-    return is_published(folder) and (folder / RUN_FILE).is_file()
+def _beside(place: Path) -> list[Path]:
+    if is_published_run(place):
+        return []
+    if _runs_in(place):
+        return [folder for folder in _folders_in(place) if _may_be_damaged(folder)]
+    return [place] if place.exists() and _runs_in(Path(os.path.abspath(place)).parent) else []
+
+
+def _may_be_damaged(folder: Path) -> bool:
+    """Tell if a folder has a file of a published run and is none; an earlier site is no such folder."""
+    if is_published_run(folder):
+        return False
+    signs = [name for name in _SIGNS if (folder / name).is_file()]
+    return bool(signs) and not (signs == [PUBLISHED_PAGE] and (folder / SITE).is_file())
+
+
+def _runs_in(place: Path) -> list[Path]:
+    return [folder for folder in _folders_in(place) if is_published_run(folder)]
 
 
 def _folders_in(place: Path) -> list[Path]:

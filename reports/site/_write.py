@@ -12,10 +12,8 @@ from graycard.reports.history._page import render_history
 from graycard.reports.site._claims import SitePaper, site_papers
 from graycard.reports.site._pages import site_pages
 from graycard.reports.site._runs import Compare, SiteRun, site_run
-from graycard.reports.site._sources import Kept, Published, histories, published_runs, tables_of
+from graycard.reports.site._sources import SITE, Kept, Published, histories, published_runs, tables_of
 
-SITE = "ledger.json"
-"""The same for programs, and the list of the files of a site."""
 SITE_FORMAT, SITE_VERSION = "graycard-site", 1
 
 

@@ -11,11 +11,7 @@ from graycard.records import JobResult, Score
 from graycard.reports._format import format_name, format_value
 from graycard.reports._scores import find_score
 from graycard.reports.tables._intervals import IntervalPlot
-
-LIGHTS, MISSING, EXTRA = "light.", "light.missing", "light.extra"
-"""Metrics of single lights, and those that count lights without a partner."""
-POSITION = "light.position"
-"""The metric by which a light without a partner counts 100 % in the mean over the larger number of lights."""
+from graycard.reports.tables._unpaired import Unpaired, unpaired_lights, unpaired_words
 
 CellStatus = Literal["scored", "failed", "not provided", "not run"]
 
@@ -32,9 +28,8 @@ class Reading:
     interval: tuple[float, float] | None = None
     reason: str = ""
     breakdown: Mapping[str, float] = field(default_factory=dict)
-    unpaired: tuple[float, float, float] | None = None
-    """Lights that are missing, those that are too many, and what of the value they make, or 0 where that is
-    not known; None for what is no score of single lights."""
+    unpaired: Unpaired | None = None
+    """Lights without a partner that enter the value; None where none can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +53,8 @@ class Cell:
     """The ends of its 95 % interval; None where there is none."""
     unpaired: str = ""
     """Lights without a partner in words, which weigh in the value; empty where all have one."""
+    price: str = ""
+    """By how much a light without a partner weighs."""
 
 
 def read_metric(result: JobResult, metric: str) -> Reading:
@@ -68,7 +65,7 @@ def read_metric(result: JobResult, metric: str) -> Reading:
     score = find_score(result, metric)
     if score is None:
         return Reading(scene, "not provided", reason="this scene has no such score")
-    return replace(_reading_of(scene, score), unpaired=_unpaired(result, score))
+    return replace(_reading_of(scene, score), unpaired=unpaired_lights(result, score))
 
 
 def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell:
@@ -137,7 +134,8 @@ def _scored_cell(scored: Sequence[Reading], expected: int, unit: str, detailed: 
     lacks = (f"{len(scored)} of {expected} scored",) if len(scored) < expected else ()
     details = _details(scored[0], unit) if detailed and expected == 1 else ()
     ends = scored[0].interval if expected == 1 else None
-    unpaired = _unpaired_words(scored, unit)
+    found = [(r.scene, r.unpaired) for r in scored if r.unpaired is not None]
+    unpaired = unpaired_words(found, unit, mean_over_scenes)
     return Cell(
         "scored",
         format_value(value, unit),
@@ -147,29 +145,8 @@ def _scored_cell(scored: Sequence[Reading], expected: int, unit: str, detailed: 
         lacks=lacks,
         interval=None if ends is None else (format_value(ends[0], unit), format_value(ends[1], unit)),
         unpaired=unpaired,
+        price=found[0][1].hint if unpaired else "",
     )
-
-
-def _unpaired(result: JobResult, score: Score) -> tuple[float, float, float] | None:
-    """Return how many lights have no partner, beside a score that counts each of them in full."""
-    counts = [found.value for name in (MISSING, EXTRA) if (found := find_score(result, name))]
-    if not score.metric.startswith(LIGHTS) or score.metric in (MISSING, EXTRA) or len(counts) < 2:
-        return None
-    missing, extra = (number or 0.0 for number in counts)
-    lights = score.expected + extra
-    due = 100 * (missing + extra) / lights if score.metric == POSITION and lights else 0.0
-    return missing, extra, due
-
-
-def _unpaired_words(scored: Sequence[Reading], unit: str) -> str:
-    found = [(r.scene, r.unpaired) for r in scored if r.unpaired is not None]
-    if not found:
-        return ""
-    missing, extra, due = (mean_over_scenes((scene, own[i]) for scene, own in found) for i in range(3))
-    told = [f"{number:.2g} {word}" for number, word in ((missing, "missing"), (extra, "extra")) if number]
-    noun = "light" if missing + extra == 1 else "lights"
-    part = f"{format_value(due, unit)} by " if due else ""
-    return f"{part}{', '.join(told)} {noun}" if told else ""
 
 
 def _ceiling(scored: Sequence[Reading], unit: str) -> tuple[str, ...]:

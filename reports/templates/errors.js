@@ -12,6 +12,8 @@ const TAPS = Array.from({ length: 2 * RADIUS + 1 }, (_, tap) => Math.exp(-((tap 
 const TAPS_SUM = TAPS.reduce((sum, tap) => sum + tap);
 /** Least truth that an error is relative to: below it is the error of the codes. */
 const LEAST = 0.01;
+/** Below this a value is the rounding of the arithmetic. */
+const ROUNDING = 1e-12;
 const ROUND = [1, 1.5, 2, 3, 4, 5, 6, 8, 10];
 
 /** @param {Layer} layer */
@@ -20,6 +22,19 @@ const isLight = (layer) => ["light", "display"].includes(layer.truth.picture?.co
 const isShare = (layer) => layer.truth.picture?.code === "share";
 /** @param {Layer} layer */
 const isNumber = (layer) => layer.truth.picture?.code === "number";
+
+/** Depth, in metres. @param {Layer} layer */
+const isLength = (layer) => isNumber(layer) && layer.error_scale.unit === "m";
+
+/** Error of a depth as the metrics take it: never more than the truth, which is that of an empty pixel. @param {number} p @param {number} t */
+const lengthError = (p, t) => (Number.isNaN(p) ? t : Math.min(Math.abs(p - t), t));
+
+/** A value of a computed map, with two significant digits at least. @param {number} value */
+function mapNumber(value) {
+  const size = Math.abs(value);
+  if (Number.isNaN(value) || size >= 0.001) return shortNumber(value);
+  return size < ROUNDING ? "0" : value.toExponential(1).replaceAll("-", "\u2212");
+}
 
 /** As the metrics of the layer compare it: light as a display shows it. @param {Values} values @param {boolean} shown @returns {Float64Array[]} */
 const asCompared = ({ channels }, shown) => (shown ? channels.map((values) => values.map((value) => toDisplay(Math.max(value, 0)))) : channels);
@@ -73,7 +88,7 @@ const MEASURES = {
     title: "Squared error",
     fits: (layer) => isLight(layer) || isShare(layer) || isNumber(layer),
     unit: ({ error_scale: { unit } }) => (unit === "m" ? "m²" : `${unit}, squared`),
-    map: (p, t, layer) => meanOf(asCompared(p, isLight(layer)), asCompared(t, isLight(layer)), (a, b) => (a - b) ** 2),
+    map: (p, t, layer) => meanOf(asCompared(p, isLight(layer)), asCompared(t, isLight(layer)), (a, b) => (isLength(layer) ? lengthError(a, b) : a - b) ** 2),
   },
   ssim: {
     title: "1 − SSIM",
@@ -89,9 +104,9 @@ const MEASURES = {
   },
   relative: {
     title: "Relative error",
-    fits: (layer) => isShare(layer) || (isNumber(layer) && layer.error_scale.unit === "m"),
+    fits: (layer) => isShare(layer) || isLength(layer),
     unit: () => "% of the truth",
-    map: (p, t) => meanOf(p.channels, t.channels, (a, b) => (100 * Math.abs(a - b)) / Math.max(b, LEAST)),
+    map: (p, t, layer) => meanOf(p.channels, t.channels, (a, b) => 100 * (isLength(layer) ? lengthError(a, b) / b : Math.abs(a - b) / Math.max(b, LEAST))),
   },
 };
 

@@ -175,8 +175,10 @@ class Viewer {
     this.error = false;
     /** Map of errors: ``error`` and ``noise`` lie in the page, the others are computed. */
     this.measure = "error";
-    /** @type {Map<string, Maps | undefined>} */
+    /** By measure and layer: null where they cannot be computed, undefined until they are. @type {Map<string, Maps | null | undefined>} */
     this.maps = new Map();
+    /** What writes the notes of rows, which wait for a map. @type {(() => void)[]} */
+    this.notes = [];
     this.divider = 50;
     this.stops = 0;
     this.zoom = 0;
@@ -210,16 +212,28 @@ class Viewer {
   /** A map that lies in the page. @param {number} row @returns {Tile | undefined} */
   errorOf(row) { return row === TRUTH ? undefined : (this.measure === "noise" ? this.shown?.noise_ratios : this.shown?.errors)?.[row]; }
 
-  /** The maps that are computed; undefined until they are, and for one that lies in the page. @returns {Maps | undefined} */
+  /** Name of the maps that are shown. */
+  get mapsKey() { return `${this.measure} ${this.shown?.title ?? ""}`; }
+
+  /** The maps that are computed; undefined until they are, and for one that lies in the page; null where they cannot be. @returns {Maps | null | undefined} */
   computed() {
-    const [measure, title] = [MEASURES[this.measure], this.shown?.title ?? ""];
+    const [measure, key] = [MEASURES[this.measure], this.mapsKey];
     if (!measure) return undefined;
-    const key = `${this.measure} ${title}`;
     if (!this.maps.has(key)) {
       this.maps.set(key, undefined);
-      computeMaps(this.gallery.views, title, measure, (picture) => this.decoded(picture)).then((maps) => { this.maps.set(key, maps); this.arrange(); });
+      computeMaps(this.gallery.views, this.shown?.title ?? "", measure, (picture) => this.decoded(picture)).catch(() => null).then((maps) => {
+        this.maps.set(key, maps);
+        if (key === this.mapsKey) this.tellMaps();
+      });
     }
     return this.maps.get(key);
+  }
+
+  /** Show maps that have been computed, and leave in place what a reader may have in focus. */
+  tellMaps() {
+    need(this.root, ".of-errors .high", HTMLElement).textContent = this.errorEnd();
+    for (const write of this.notes) write();
+    this.redraw();
   }
 
   /** @param {number} row @returns {Drawn | undefined} */
@@ -228,7 +242,7 @@ class Viewer {
   /** @param {number} row */
   errorNote(row) {
     const mean = this.computed()?.means.get(`${this.view} ${row}`);
-    return mean === undefined ? this.errorOf(row)?.note ?? "" : `mean ${shortNumber(mean)}`;
+    return mean === undefined ? this.errorOf(row)?.note ?? "" : `mean ${mapNumber(mean)}`;
   }
 
   /** @param {number} row */
@@ -424,7 +438,8 @@ class Viewer {
     const scale = this.measure === "noise" ? layer.noise_scale : layer.error_scale;
     if (!MEASURES[this.measure]) return `${scale.high} ${scale.unit}`;
     const maps = this.computed();
-    return maps ? `\u2265 ${shortNumber(maps.high).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "")} ${MEASURES[this.measure].unit(layer)}` : "being computed";
+    if (!maps) return maps === null ? "could not be computed" : "being computed";
+    return `\u2265 ${mapNumber(maps.high).replace(/(\.\d*?)0+(?=e|$)/, "$1").replace(/\.(?=e|$)/, "")} ${MEASURES[this.measure].unit(layer)}`;
   }
 
   /** @param {string} label @param {string} spoken @param {() => (Drawn | undefined)[]} shown @returns {Pane} */
@@ -478,6 +493,7 @@ class Viewer {
 
   buildTiles() {
     this.tiles = [];
+    this.notes = [];
     const place = need(this.root, ".tiles", HTMLElement);
     place.replaceChildren();
     for (const row of [TRUTH, ...this.names.keys()]) {
@@ -492,17 +508,26 @@ class Viewer {
       if (tile.picture) {
         const { picture } = tile;
         const panes = [this.pane("", picture.alt, () => [this.drawnOf(picture)])];
-        const error = this.errorOf(row)?.picture;
-        const spoken = MEASURES[this.measure] ? `${MEASURES[this.measure].title} of ${this.nameOf(row)}, ${this.errorNote(row)}` : error?.alt;
-        if (error) panes.push(this.pane("", spoken ?? "", () => [this.errorDrawn(row)]));
+        if (this.errorOf(row)?.picture) panes.push(this.pane("", "", () => [this.errorDrawn(row)]));
         this.tiles.push(...panes);
         figure.append(...panes.map(({ canvas }) => canvas));
       } else figure.append(element("div", tile.missing, `placeholder ${tile.missing.replace(" ", "-")}`));
-      const notes = [tile.note, tile.picture && this.errorNote(row)].filter(Boolean).join("; ");
-      if (notes) figure.append(element("span", notes, "note"));
+      const note = element("span", "", "note");
+      figure.append(note);
+      this.notes.push(() => this.noteTile(row, note, figure.querySelectorAll("canvas")[1]));
       place.append(figure);
     }
+    for (const write of this.notes) write();
     applyRows(place);
+  }
+
+  /** Write what is said of a row below its pictures. @param {number} row @param {HTMLElement} note @param {HTMLCanvasElement | undefined} map */
+  noteTile(row, note, map) {
+    const [tile, error, measure] = [this.tileOf(row), this.errorOf(row)?.picture, MEASURES[this.measure]];
+    const said = tile?.picture ? this.errorNote(row) : "";
+    note.textContent = [tile?.note, said].filter(Boolean).join("; ");
+    note.hidden = !note.textContent;
+    map?.setAttribute("aria-label", measure ? `${measure.title} of ${this.nameOf(row)}${said ? `, ${said}` : ""}` : error?.alt ?? "");
   }
 
   buildReadout() {
@@ -590,7 +615,7 @@ class Viewer {
   /** The error that is read. @param {number} row */
   errorText(row) {
     const drawn = this.errorDrawn(row);
-    if (MEASURES[this.measure]) return drawn && this.at ? shortNumber(drawn.read(this.at[0], this.at[1])[0]) : "";
+    if (MEASURES[this.measure]) return drawn && this.at ? mapNumber(drawn.read(this.at[0], this.at[1])[0]) : "";
     return valueText(drawn, this.errorOf(row)?.picture ?? null, this.at);
   }
 

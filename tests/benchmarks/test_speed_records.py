@@ -67,7 +67,7 @@ def test_each_job_looks_a_score_up_by_its_metric():
 
 def test_scores_above_their_ceiling_are_found_without_comparing(monkeypatch: pytest.MonkeyPatch):
     calls: Counter[str] = Counter()
-    counted(monkeypatch, _record, "compare_run", calls)
+    counted(monkeypatch, _record, "compare_first_look", calls)
     assert _record.ceiling_breaches(made_up_run(3, 3)) == []
     assert not calls
 

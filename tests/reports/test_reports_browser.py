@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page
-from scipy.ndimage import binary_erosion
-from skimage.metrics import structural_similarity
 
 from graycard import open_predictions, open_truth, srgb_encode
 from graycard.io import write_json
@@ -62,12 +60,6 @@ WITHOUT_DEPTH = """async (id) => {
   root.id = 'other';
   document.querySelector('main').append(root);
   new Viewer(root, pictures.gallery, pictures.methods, await blobsOf(id), 'truth');
-}"""
-MAP = """([name, ...planes]) => {
-  const [p, t] = planes.map((channels) => (
-    { width: 26, height: 20, channels: channels.map((values) => Float64Array.from(values)) }));
-  const layer = { truth: { picture: { code: 'share' } } };
-  return [...MEASURES[name].map(p, t, layer, Uint8Array.from(planes[2][0]))];
 }"""
 
 
@@ -538,36 +530,6 @@ def test_layers_that_nobody_provides_are_hidden_until_they_are_asked_for(viewer:
     assert tab.is_visible()
     assert more.text_content() == "Hide 1 layer that no row provides"
     assert not viewer.locator(".more-layers").is_visible()
-
-
-def test_maps_of_errors_are_those_of_metrics(browser: Browser, path: Path, heard: list[str]) -> None:
-    noise = np.random.default_rng(5)
-    true = noise.uniform(0.02, 1, (20, 26, 3))
-    found = np.clip(true + 0.2 * noise.normal(size=true.shape), 0, 1)
-    inside = np.ones(true.shape[:2], bool)
-    inside[:6, :9] = False
-    page = open_report(browser, path, heard)
-    maps = {
-        name: np.array(page.evaluate(MAP, [name, *(planes(image) for image in (found, true, inside))]), float)
-        for name in ("squares", "ssim", "relative")
-    }
-    page.close()
-    shown, exact = (srgb_encode(image) for image in (np.where(inside[..., None], found, true), true))
-    similar = structural_similarity(
-        exact, shown, data_range=1, channel_axis=-1, gaussian_weights=True, sigma=1.5,
-        use_sample_covariance=False, full=True,
-    )[1].mean(axis=-1)  # fmt: skip
-    whole = ~np.isnan(maps["ssim"].reshape(inside.shape))
-    assert np.array_equal(whole, binary_erosion(inside, np.ones((11, 11))))
-    assert np.allclose(maps["ssim"].reshape(inside.shape)[whole], 1 - similar[whole], atol=1e-9)
-    assert np.allclose(maps["squares"], ((found - true) ** 2).mean(axis=-1).ravel())
-    assert np.allclose(maps["relative"], (100 * np.abs(found - true) / true).mean(axis=-1).ravel())
-    assert heard == []
-
-
-def planes(image: np.ndarray) -> list[list[float]]:
-    """Return the channels of an image, row by row."""
-    return [channel.ravel().tolist() for channel in np.moveaxis(np.atleast_3d(image), -1, 0)]
 
 
 def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Locator, tiny_run: Path) -> None:

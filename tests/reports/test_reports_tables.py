@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 import graycard.eval as ge
-from graycard import TRACKS
-from graycard.eval.kinds._lights import MatchedLights
+from graycard import TRACKS, PointLight
+from graycard.eval.kinds._lights import MatchedLights, _value
 from graycard.eval.lights._errors import LightMatch
-from graycard.eval.metrics._lights import _position
+from graycard.eval.metrics._lights import METRICS, _position
 from graycard.records import (
     HOLDS_NOISE,
     Job,
@@ -33,10 +33,15 @@ from graycard.reports.tables._tables import (
     view_rows,
 )
 from graycard.reports.tables._troubles import failures, warnings
+from graycard.reports.tables._unpaired import EXTRA, MISSING, POSITION, PRICES
 
 UP = MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
 DOWN = MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
 SIDE = MetricRecord("b.side", "Side", "b", "1", False, 0.0, "h", False, 0.1)
+
+
+LAMP = PointLight("lamp", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+NONE = MatchedLights((), (), (), 5.0, "", LightMatch((), (), 0, 0))
 
 
 def make_score(metric: MetricRecord, value: float | str, **more: Any) -> Score:
@@ -407,6 +412,62 @@ def test_a_score_of_lights_says_what_those_without_a_partner_make(true: int, pre
     assert said.startswith(cell.text) or value == 0
     counted = pool([read_metric(make_result("m", "a", *scores), "light.missing")], "count")
     assert counted.unpaired == ""
+    assert ("100 % of the diameter" in cell.price) == bool(said)
+
+
+LIGHTS = {metric.record.id: metric for metric in METRICS}
+
+
+@pytest.mark.parametrize("metric", sorted(PRICES))
+@pytest.mark.parametrize(("true", "predicted"), [(2, 1), (4, 1), (1, 4), (3, 3), (8, 11)])
+def test_scores_over_true_lights_tell_missing_ones_alone(metric: str, true: int, predicted: int):
+    """All others have no error, so the missing ones make the whole of the score, and extra ones nothing."""
+    rule, record = LIGHTS[metric].rule, LIGHTS[metric].record
+    pairs = min(true, predicted)
+    assert rule.error is not None
+    value = _value(replace(rule, error=lambda p, t, matched: 0.0), [(LAMP, LAMP)] * pairs, true - pairs, NONE)
+    scores = [
+        make_score(replace(record, id=name), number, expected=true, scored=pairs)
+        for name, number in (
+            (metric, value),
+            ("light.missing", true - pairs),
+            ("light.extra", predicted - pairs),
+        )
+    ]
+    cell = pool([read_metric(make_result("m", "a", *scores), metric)], record.unit)
+    missing = true - pairs
+    assert cell.unpaired == (
+        f"{cell.text} by {missing} missing light{'s' if missing > 1 else ''}" if missing else ""
+    )
+    assert bool(cell.price) == bool(missing)
+    if missing:
+        assert f"counts {rule.price:g} {record.unit} in the mean over true lights" in cell.price
+        assert "Extra lights do not enter" in cell.price
+
+
+def test_every_score_of_lights_is_known_by_whose_mean_it_is():
+    """A new metric of lights has to say here how lights without a partner enter it."""
+    over_true = {name: metric.rule.price for name, metric in LIGHTS.items() if metric.rule.error}
+    assert over_true == PRICES
+    assert {name for name, metric in LIGHTS.items() if metric.rule.together} == {POSITION, MISSING, EXTRA}
+
+
+def test_a_score_counts_missing_lights_that_it_judges():
+    """Of 8 lights 3 are missing; of the 4 with an axis one."""
+    scores = [
+        make_score(replace(DOWN, id=name), value, expected=expected, scored=scored)
+        for name, value, expected, scored in (
+            ("light.direction", 60.0, 4, 3), ("light.chromaticity", 40.0, 8, 5),
+            ("light.missing", 3.0, 8, 5), ("light.extra", 0.0, 8, 5),
+        )
+    ]  # fmt: skip
+    told = {
+        name: pool([read_metric(make_result("m", "a", *scores), name)], "°")
+        for name in ("light.direction", "light.chromaticity")
+    }
+    assert told["light.direction"].unpaired == "45.00 by 1 missing light"
+    assert "that have an axis" in told["light.direction"].price
+    assert told["light.chromaticity"].unpaired == "33.75 by 3 missing lights"
 
 
 def test_lights_without_a_partner_are_means_over_scenes() -> None:

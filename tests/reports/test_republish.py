@@ -4,6 +4,7 @@
 import re
 import shutil
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -109,6 +110,17 @@ def test_report_of_a_published_run_keeps_its_pictures(
     assert kept_scenes(new.read_text()) == kept_scenes(page)
     assert new.read_text() == page
     assert not (published / "report").exists()
+
+
+def test_no_report_is_written_into_a_published_run(published: Path, capsys: pytest.CaptureFixture[str]):
+    (published.parent / "link").symlink_to(published)
+    before = contents(published.parent)
+    runs = published, published.parent.parent / "run"
+    places = "mine/index.html", "mine/new.html", "mine/deep/new.html", "link/run.json"
+    for run, place, more in product(runs, places, ((), ("--summary", "md"), ("--one-file",))):
+        assert main(["report", str(run), "--out", str(published.parent / place), *more]) == 2
+        assert "expected --out FILE outside of published runs, got" in capsys.readouterr().err
+    assert contents(published.parent) == before
 
 
 def changed_ledger(folder: Path) -> Ledger:

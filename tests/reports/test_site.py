@@ -409,6 +409,63 @@ def test_what_a_shell_makes_of_a_star_is_taken(
 
 
 @pytest.mark.parametrize(
+    ("lost", "told"),
+    [
+        (("run.json",), True),
+        (("run.json", "index.html"), True),
+        (("index.html",), True),
+        (("run.json", "suite.json", CLAIMS), True),
+        (("run.json", "index.html", "suite.json", CLAIMS), False),
+        ((), False),
+    ],
+)
+@pytest.mark.parametrize("star", [True, False])
+def test_a_damaged_run_is_named(
+    shelf: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    lost: tuple[str, ...],
+    told: bool,
+    star: bool,
+):
+    folder = tmp_path / "published"
+    shutil.copytree(shelf / "published", folder)
+    (folder / "two" / CLAIMS).write_text("{}")
+    for name in lost:
+        (folder / "two" / name).unlink(missing_ok=True)
+    if not lost:
+        shutil.rmtree(folder / "two")
+    places = [str(path) for path in sorted(folder.glob("[!hn]*"))] if star else [str(folder)]
+    assert main(["site", *places, "--out", str(tmp_path / "site")]) == 0
+    assert [run["name"] for run in read_json(tmp_path / "site" / "ledger.json")["runs"]] == ["one"]
+    err = capsys.readouterr().err
+    assert err.startswith("left out, as they are no published runs: two\n") is (told or (star and bool(lost)))
+
+
+def test_an_earlier_site_beside_runs_is_left_out(
+    shelf: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = tmp_path / "published"
+    shutil.copytree(shelf / "published", folder)
+    assert main(["site", str(folder), "--out", str(folder / "site")]) == 0
+    before = (folder / "site" / "index.html").read_bytes()
+    for places in ([folder], sorted(folder.iterdir())):
+        assert main(["site", *map(str, places), "--out", str(folder / "site")]) == 0
+        assert (folder / "site" / "index.html").read_bytes() == before
+    assert capsys.readouterr().err.endswith("notes.md, site\n")
+
+
+def test_a_folder_of_damaged_runs_alone_is_refused(shelf: Path, tmp_path: Path):
+    folder = tmp_path / "published"
+    shutil.copytree(shelf / "published", folder)
+    for name in ("one", "two"):
+        (folder / name / "run.json").unlink()
+    for places in ([folder], sorted(folder.iterdir())):
+        with pytest.raises(RecordError, match="expected a published run, or a folder of such"):
+            write_site(places, tmp_path / "site", compare)
+
+
+@pytest.mark.parametrize(
     ("places", "message"),
     [
         (["published/one", "other"], "a published run, or a folder of such, at other, got none"),

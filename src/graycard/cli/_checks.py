@@ -183,13 +183,13 @@ class CompareCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Compare the methods; no more is computed than is printed or written."""
-        from graycard.eval.statistics import Question, compare_run
+        from graycard.eval.statistics import Question, compare_first_look
 
         record = read_run(self.run_folder)
         by_id = {metric.id: metric for metric in record.metrics}
         self._check_names(record)
         wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
-        found = compare_run(record, Question(wanted, self.against, pair_intervals=self.pairs))
+        found = compare_first_look(record, Question(wanted, self.against, pair_intervals=self.pairs))
         shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
@@ -222,18 +222,18 @@ class CompareCommand:
 
         A run that cannot be written to is compared all the same.
         """
-        from graycard.eval.statistics import Question, compare_run
+        from graycard.eval.statistics import Question, compare_first_look
 
         if not is_published(self.run_folder) and not _is_written(self.run_folder, shown):
             try:
-                write_json(self.run_folder / COMPARISON, compare_run(record))
+                write_json(self.run_folder / COMPARISON, compare_first_look(record))
             except OutputError as cause:
                 terminal.err.print(
                     f"warning: {COMPARISON} of the run is not up to date, and stays as it is: {cause}. "
                     "--json FILE writes the comparison elsewhere"
                 )
         if self.json is not None:
-            write_optional_json(self.json, compare_run(record, Question(against=self.against)))
+            write_optional_json(self.json, compare_first_look(record, Question(against=self.against)))
 
     def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"

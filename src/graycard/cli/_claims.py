@@ -113,11 +113,11 @@ class ClaimsCommand:
             )
         if is_published(run) and not self.republish:
             return found, "; the folder is a published one and left as it is"
-        from graycard.eval.statistics import compare_run  # reports take as long to import as claims to judge
+        from graycard.eval.statistics import compare_first_look  # slow to import, as reports are
         from graycard.reports import republish_claims, write_report
 
         if is_published(run):
-            republish_claims(run, found, compare_run(record))
+            republish_claims(run, found, compare_first_look(record))
             return found, f"; published anew in {run}"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"

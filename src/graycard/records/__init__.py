@@ -36,6 +36,7 @@ from graycard.records._photographs import PhotographSheet as PhotographSheet
 from graycard.records._photographs import read_photograph_sheet as read_photograph_sheet
 from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
+from graycard.records._run import RUN_FILE as RUN_FILE
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance
@@ -49,6 +50,7 @@ from graycard.records._run import Score as Score
 from graycard.records._run import ScoreSheet as ScoreSheet
 from graycard.records._run import Status as Status
 from graycard.records._run import is_published as is_published
+from graycard.records._run import is_published_run as is_published_run
 from graycard.records._run import job_folder as job_folder
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet

@@ -23,6 +23,7 @@ from graycard.io import (
 )
 from graycard.records._looks import Edition, Looks
 
+RUN_FILE = "run.json"
 PUBLISHED_PAGE = "index.html"
 """The report in a published folder; a run has its own in a folder of that name."""
 RECORD_VERSION = 2
@@ -316,6 +317,11 @@ def is_published(folder: Path) -> bool:
     return (Path(folder) / PUBLISHED_PAGE).is_file() and not (Path(folder) / "jobs").exists()
 
 
+def is_published_run(folder: Path) -> bool:
+    """Return true for a published folder with its record; false for other pages, as a site of such runs."""
+    return is_published(folder) and (Path(folder) / RUN_FILE).is_file()
+
+
 def read_score_sheet(path: Path) -> ScoreSheet:
     """Return the scores in a file that ``graycard score --json`` wrote.
 
@@ -331,7 +337,7 @@ def read_run(run: Path) -> RunRecord:
     Raises:
         RecordError: It is missing, damaged, misspelt, or of a newer format.
     """
-    path = Path(run) / "run.json"
+    path = Path(run) / RUN_FILE
     if not path.is_file():
         raise RecordError(
             f"expected a run folder with run.json at {run}, got none. Make one with `graycard bench`"

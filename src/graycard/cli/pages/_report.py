@@ -16,7 +16,7 @@ from graycard.cli._options import optional
 from graycard.cli._terminal import OK, Terminal
 from graycard.cli.adoption._captures import report_captured
 from graycard.io import write_bytes
-from graycard.records import RunRecord, read_run
+from graycard.records import RunRecord, is_published_run, read_run
 
 if TYPE_CHECKING:
     from graycard.benchmarks import Change
@@ -59,6 +59,7 @@ class ReportCommand:
 
         if self.baseline is None and (self.rows or self.tolerance != 1):
             raise GraycardError("expected --baseline with --rows or --tolerance, got none. Name the baseline")
+        _refuse_published(self.out)
         if self.summary is not None:
             return self._summarise(self.summary, terminal)
         if self.baseline is not None:
@@ -80,7 +81,7 @@ class ReportCommand:
 
     def _written(self) -> Path:
         """Write the report, and say what to do where the run cannot be written to."""
-        from graycard.eval.statistics import compare_run
+        from graycard.eval.statistics import compare_first_look
         from graycard.reports import is_published, write_report
 
         comparison = None
@@ -89,7 +90,7 @@ class ReportCommand:
                 raise OutputError(
                     f"expected --out FILE with {self.run_folder}, got none: what is published stays as it is"
                 )
-            comparison = compare_run(read_run(self.run_folder))
+            comparison = compare_first_look(read_run(self.run_folder))
         try:
             return write_report(self.run_folder, out=self.out, one_file=self.one_file, comparison=comparison)
         except OutputError as cause:
@@ -103,7 +104,7 @@ class ReportCommand:
         Raises:
             GraycardError: The folder is no run, or the baseline is of another suite.
         """
-        from graycard.eval.statistics import Question, compare_run
+        from graycard.eval.statistics import Question, compare_first_look
         from graycard.reports import headline_ids, summarise, summary_text
 
         if self.predictions:
@@ -111,7 +112,7 @@ class ReportCommand:
                 "expected --summary of a run, without --predictions, got both. Leave out one of them"
             )
         record = read_run(self.run_folder)
-        comparison = compare_run(record, Question(headline_ids(record)))
+        comparison = compare_first_look(record, Question(headline_ids(record)))
         gate = (
             None if self.baseline is None else gate_summary(record, self.baseline, self.rows, self.tolerance)
         )
@@ -129,6 +130,19 @@ class ReportCommand:
             write_bytes(self.out, text.encode())
             terminal.out.print(f"summary: {self.out.resolve()}")
         return OK
+
+
+def _refuse_published(out: Path | None) -> None:
+    """Refuse to write into a published run, by whichever path.
+
+    Raises:
+        OutputError: A file is named there.
+    """
+    for folder in () if out is None else out.resolve().parents:
+        if is_published_run(folder):
+            raise OutputError(
+                f"expected --out FILE outside of published runs, got {out}: what is published stays as it is"
+            )
 
 
 def gate_summary(

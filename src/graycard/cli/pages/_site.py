@@ -19,19 +19,21 @@ class SiteCommand:
 
     published: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PUBLISHED ...")]
     """Folders of `graycard publish`, or folders that hold such. A history of verdicts beside them is told.
-    Files beside them are left out."""
+    What lies beside them and is none is left out, and named if it may be a damaged one."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Write to this folder, new or empty; pages that an earlier call made there are replaced."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the pages."""
-        from graycard.eval.statistics import Question, compare_run
+        from graycard.eval.statistics import Question, compare_first_look
         from graycard.reports import beside_runs, headline_ids, write_site
 
         if not self.published:
             raise GraycardError("expected published folders, got none. Name some, as reports/published")
         files = write_site(
-            self.published, self.out, lambda record: compare_run(record, Question(headline_ids(record)))
+            self.published,
+            self.out,
+            lambda record: compare_first_look(record, Question(headline_ids(record))),
         )
         if beside := beside_runs(self.published):
             names = ", ".join(place.name for place in beside)
