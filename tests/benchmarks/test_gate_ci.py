@@ -118,12 +118,13 @@ def test_percent_signs_are_escaped_in_annotations():
     assert "dark/s0 50%25 psnr" in next(annotations(verdict))
 
 
-def test_commits_make_a_history(gate: Callable[..., int], tmp_path: Path):
+def test_commits_make_a_history(gate: Callable[..., int], tmp_path: Path, capsys: Capture):
     folder = tmp_path / "history"
     for commit, table in (("aaa", BEFORE), ("bbb", WORSE), ("bbb", WORSE)):
         gate(table, "--history", str(folder), "--commit", commit, "--rows", "mine")
     entries = read_history(folder).entries
     assert [(e.commit, e.exit_code) for e in entries] == [("aaa", 0), ("bbb", 1)], "a commit run twice is one"
+    assert capsys.readouterr().out.count("\nhistory: ") == 3, "gate.sh looks for it"
     text = (folder / "README.md").read_text()
     assert "❌ bbb, " in text
     assert "| mine | psnr | █▁ | 18.5 dB | 21 | 21 | higher |" in text

@@ -14,16 +14,21 @@ from gate_action import ACTION, CONTEXTS, Runner, commit, git, make_repository
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the script is for bash")
 TOKEN = "the-token-of-the-job"
 HISTORY = """
+[ "$1" = gate ] || exit 0
 while [ $# -gt 1 ]; do
   case $1 in --history) place=$2 ;; --commit) commit=$2 ;; esac
   shift
 done
-[ -n "${place:-}" ] || exit 0
+[ "$1" != --write ] || exit 0
+echo "worse: a score"
+[ -n "${place:-}" ] || exit 1
+! grep -qs damaged "$place/gate-history.json" || { echo "error: it is damaged" >&2; exit 2; }
 echo "$commit" >>"$place/gate-history.json"
 echo page >"$place/README.md"
+echo "history: $place/README.md"
 exit 1
 """
-"""A program in the place of graycard: it adds a line to a history, and finds a run worse."""
+"""A program in the place of graycard: it finds a run worse, and adds a line to a history that is whole."""
 GRAYCARD = f'#!/bin/sh\nexec "{sys.executable}" -m graycard "$@"\n'
 
 
@@ -81,9 +86,15 @@ def with_history(checkout: Path) -> Path:
     return checkout
 
 
-def gate_with_history(checkout: Path) -> subprocess.CompletedProcess[str]:
+def gate_with_history(checkout: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Return what a gate says that finds a run worse: so it says, whatever becomes of the history."""
+    temporary = checkout.parent / "tmp"
+    temporary.mkdir(exist_ok=True)
     path = os.pathsep.join([str(checkout.parent / "spy"), os.environ["PATH"]])
-    return gate(checkout, GATE_HISTORY="accuracy", PATH=path)
+    done = gate(checkout, GATE_HISTORY="accuracy", PATH=path, TMPDIR=str(temporary), **variables)
+    assert (done.returncode, done.stdout) == (1, "worse: a score\n"), done.stderr
+    assert not [*temporary.iterdir()]
+    return done
 
 
 def history_of(checkout: Path) -> list[str]:
@@ -91,19 +102,15 @@ def history_of(checkout: Path) -> list[str]:
 
 
 def test_a_history_grows_on_its_branch_without_telling_the_token(with_history: Path):
-    # As clones of GitLab have it, and as actions/checkout keeps it.
-    address = f"https://x:{TOKEN}@example.org/a.git"
-    origin = str(with_history.parent / "origin.git")
-    git(with_history, "remote", "set-url", "origin", address)
-    git(with_history, "config", f"url.{origin}.insteadOf", address)
+    # As actions/checkout keeps it.
     git(with_history, "config", "http.https://github.com/.extraheader", f"AUTHORIZATION: basic {TOKEN}")
     head = git(with_history, "rev-parse", "HEAD").strip()
     before = git(with_history, "status", "--porcelain", "--ignored=no")
     for runs in (1, 2):
-        done = gate_with_history(with_history)
-        assert done.returncode == 1, done.stderr
+        assert gate_with_history(with_history).stderr == ""
         assert history_of(with_history) == [head] * runs
-    assert git(with_history, "rev-list", "--count", "FETCH_HEAD").strip() == "1", "the branch is on its own"
+    commits = git(with_history, "rev-list", "FETCH_HEAD").splitlines()
+    assert len(commits) == 1, "the branch is on its own"
     assert git(with_history, "status", "--porcelain", "--ignored=no") == before
     assert TOKEN not in (with_history.parent / "spy" / "log").read_text()
     kept = [path for path in (with_history / "graycard-gate").rglob("*") if path.is_file()]
@@ -114,21 +121,92 @@ def test_a_history_that_another_run_pushed_meanwhile_keeps_both(with_history: Pa
     gate_with_history(with_history)
     other, spy = with_history.parent / "other", with_history.parent / "spy" / "git"
     git(with_history.parent, "clone", "--quiet", "--branch", "accuracy", "origin.git", str(other))
-    (other / "gate-history.json").write_text("other\n")
-    git(other, "-c", "user.name=x", "-c", "user.email=x@localhost", "commit", "--quiet", "-am", "Other")
+    _record(other, "other\n")
     push = f'git -C "{other}" push --quiet origin HEAD:accuracy'
     spy.write_text(f'#!/bin/sh\nPATH={os.environ["PATH"]}\n[ "$1" != push ] || {push}\nexec git "$@"\n')
-    assert gate_with_history(with_history).returncode == 1
+    assert gate_with_history(with_history).stderr == ""
     assert history_of(with_history) == ["other", git(with_history, "rev-parse", "HEAD").strip()]
 
 
-def test_a_history_that_cannot_be_pushed_is_said(with_history: Path):
+def _record(other: Path, text: str) -> None:
+    """Commit a history in another clone."""
+    (other / "gate-history.json").write_text(text)
+    git(other, "-c", "user.name=x", "-c", "user.email=x@localhost", "commit", "--quiet", "-am", "Other")
+
+
+FAILURES = {
+    "ls-remote": ("echo 'the network is gone' >&2; exit 128", "the network is gone"),
+    "fetch": ("case $* in *accuracy*) echo 'it went away' >&2; exit 1 ;; esac", "it went away"),
+    "hash-object": ("echo 'no room is left' >&2; exit 128", "no room is left"),
+    "write-tree": ("echo 'no room is left' >&2; exit 128", "no room is left"),
+    "push": ("echo 'the requested URL returned error: 403' >&2; exit 1", "permissions: contents: write"),
+}
+"""Faults of a call of git, and words of the reason."""
+
+
+@pytest.mark.parametrize("call", FAILURES)
+def test_a_history_that_fails_leaves_the_verdict_and_says_why(call: str, with_history: Path):
+    gate_with_history(with_history)
+    text, words = FAILURES[call]
+    spy = with_history.parent / "spy" / "git"
+    spy.write_text(
+        f'#!/bin/bash\nif [ "$1" = {call} ]; then\n{text}\nfi\nexec "{shutil.which("git")}" "$@"\n'
+    )
+    said = gate_with_history(with_history).stderr
+    assert said.startswith("gate: the history was not pushed, and the verdict stands. ")
+    assert words in said
+    assert ("contents: write" in said) == (call == "push")
+    assert "GATE_BRANCH" not in said
+    assert len(history_of(with_history)) == 1
+
+
+def test_a_history_that_the_remote_refuses_is_said_in_its_words(with_history: Path):
     hook = with_history.parent / "origin.git" / "hooks" / "pre-receive"
-    hook.write_text("#!/bin/sh\nexit 1\n")
+    hook.write_text("#!/bin/sh\necho 'no more room' >&2\nexit 1\n")
     hook.chmod(0o755)
-    done = gate_with_history(with_history)
-    assert done.returncode == 1, "the verdict stays"
-    assert "The history was not pushed" in done.stderr
+    said = gate_with_history(with_history).stderr
+    assert "no more room" in said
+    assert "contents: write" not in said
+
+
+def test_a_damaged_history_is_left_as_it_is(with_history: Path):
+    gate_with_history(with_history)
+    other = with_history.parent / "other"
+    git(with_history.parent, "clone", "--quiet", "--branch", "accuracy", "origin.git", str(other))
+    _record(other, "damaged\n")
+    git(other, "push", "--quiet", "origin", "HEAD:accuracy")
+    head = git(other, "rev-parse", "HEAD")
+    assert "error: it is damaged" in gate_with_history(with_history).stderr
+    assert git(with_history.parent / "origin.git", "rev-parse", "accuracy") == head, "nothing was pushed"
+
+
+def test_an_annotated_verdict_is_given_once(with_history: Path):
+    calls = with_history.parent / "calls"
+    program = with_history.parent / "cache" / "env" / "bin" / "graycard"
+    program.write_text(f'#!/bin/bash\necho "$@" >>"{calls}"\n{HISTORY}')
+    gate_with_history(with_history, GITHUB_ACTIONS="true")
+    judged, kept = [
+        line for line in calls.read_text().splitlines() if "--tolerance" in line and "gate " in line
+    ][-2:]
+    assert ("--annotate" in judged, "--json" in judged, "--history" in judged) == (True, True, False)
+    assert ("--annotate" in kept, "--json" in kept, "--history" in kept) == (False, False, True)
+
+
+def test_filters_of_the_checkout_leave_the_history_alone(with_history: Path):
+    git(with_history, "config", "filter.lfs.clean", "tr a-z0-9 X")
+    (with_history / ".git" / "info" / "attributes").write_text("* filter=lfs\n")
+    assert gate_with_history(with_history).stderr == ""
+    assert history_of(with_history) == [git(with_history, "rev-parse", "HEAD").strip()]
+
+
+def test_a_tag_with_the_name_of_a_branch_is_not_taken_for_it(with_history: Path):
+    gate_with_history(with_history)
+    for name in ("main", "accuracy"):
+        git(with_history, "push", "--quiet", "origin", f"HEAD~1:refs/tags/{name}")  # without a baseline
+    assert gate_with_history(with_history).stderr == ""
+    head = git(with_history, "rev-parse", "HEAD").strip()
+    shown = git(with_history.parent / "origin.git", "show", "refs/heads/accuracy:gate-history.json")
+    assert shown.splitlines() == [head, head]
 
 
 def test_jobs_of_a_matrix_keep_their_runs_under_names_of_their_own(tmp_path: Path):

@@ -65,14 +65,11 @@ bench() {
   echo "$code" >"$run/bench.code" # a fit that failed has no scores: the gate names it
 }
 
-# A whole clone stays whole: `--depth` would cut its history. Without the branch nothing may pass.
+# Fetch a branch, and no tag of its name. A whole clone stays whole: `--depth` would cut its history.
 fetch() {
   local depth=()
   [ "$(git rev-parse --is-shallow-repository)" = false ] || depth=(--depth=1)
-  git fetch --quiet "${depth[@]}" origin "$1" && return
-  echo "gate: expected a branch $1 on the remote origin that can be fetched, got none." \
-    "Name it by GATE_BRANCH, or add the remote: git remote add origin URL" >&2
-  return 1
+  git fetch --quiet "${depth[@]}" origin "refs/heads/$1"
 }
 
 # The baseline is that of the branch, not of the change: who makes it worse cannot lower the bar in one go.
@@ -82,7 +79,11 @@ gate() {
   [ -z "${GITHUB_OUTPUT:-}" ] || echo "run=$run" >>"$GITHUB_OUTPUT"
   "$graycard" gate "$run" --baseline "$run/baseline.json" --write || true # nothing, where all fits failed
   rm -f "$expected"
-  fetch "$branch" || return 2
+  if ! fetch "$branch"; then # nothing may pass
+    echo "gate: expected a branch $branch on the remote origin that can be fetched, got none." \
+      "Name it by GATE_BRANCH, or add the remote: git remote add origin URL" >&2
+    return 2
+  fi
   if git show "FETCH_HEAD:$baseline" >"$expected.partial" 2>/dev/null; then
     mv "$expected.partial" "$expected"
   else
@@ -96,62 +97,75 @@ gate() {
   local options=(--baseline "$expected" --tolerance "${GATE_TOLERANCE:-1}")
   "$graycard" report "$run" --summary md "${options[@]}" >>"$summary"
   "$graycard" report "$run" --summary junit "${options[@]}" --out "$run/gate.xml"
-  options+=(--json "$run/gate.json")
-  [ -z "${GITHUB_ACTIONS:-}" ] || options+=(--annotate)
-  local code=0
+  local told=(--json "$run/gate.json") code=0
+  [ -z "${GITHUB_ACTIONS:-}" ] || told+=(--annotate)
+  "$graycard" gate "$run" "${options[@]}" "${told[@]}" || code=$?
   if [ -n "${GATE_HISTORY:-}" ] && [ "${GITHUB_REF_NAME:-$branch}" = "$branch" ]; then
-    with_history "$graycard" "${options[@]}" || code=$?
-  else
-    "$graycard" gate "$run" "${options[@]}" || code=$?
+    keep_history "$graycard" "${options[@]}"
   fi
   return "$code"
 }
 
-# Add the commit to the history, on a branch of its own that shares nothing with your code. The checkout itself fetches
-# and pushes: it knows its remote and its token, and neither is handed on where lists of processes would show it.
-with_history() {
-  local code=0
-  record_history "$@" || code=$?
-  if ! push_history; then # another run may have pushed meanwhile
-    record_history "$@" >/dev/null || true
-    push_history || echo "The history was not pushed: it needs the right to write (permissions: contents: write)" >&2
-  fi
-  return "$code"
+# Add the commit to the history, on a branch of its own that shares nothing with your code. Whatever comes of it, the
+# verdict stands. The checkout itself fetches and pushes: it knows its remote and its token. A token in git's
+# configuration, as actions/checkout keeps it, is in no list of processes. One in the address of the remote is: git
+# hands that address to programs of its own.
+keep_history() {
+  local said
+  said=$(add_to_history "$@" 2>&1) && return
+  said=$(add_to_history "$@" 2>&1) && return # another run may have pushed meanwhile
+  echo "gate: the history was not pushed, and the verdict stands. $said" >&2
 }
 
-# Judge the run, and write the history with it into $run/history; its parent commit is named beside it.
-record_history() {
-  local graycard=$1 place=$run/history name
-  shift
-  rm -rf "$place" "$run/history.parent"
-  mkdir -p "$place"
-  if [ -n "$(git ls-remote --heads origin "refs/heads/$GATE_HISTORY")" ]; then
-    fetch "$GATE_HISTORY" || return 2
-    git rev-parse FETCH_HEAD >"$run/history.parent"
-    for name in "${history[@]}"; do
-      git show "FETCH_HEAD:$name" >"$place/$name" 2>/dev/null || rm -f "$place/$name"
-    done
+# Write the history with the commit into $run/history, and push it on top of what the remote has. This is a process of
+# its own, whose temporary files go with it. `set -e` ends nothing here, as a condition calls it.
+add_to_history() (
+  place=$run/history
+  parent=()
+  scratch=$(mktemp -d) || exit
+  trap 'rm -rf "$scratch"' EXIT
+  rm -rf "$place" && mkdir -p "$place" && fetch_history || exit
+  # The program judges once more, and says the same. It names the history only if it has added to it.
+  "$1" gate "$run" "${@:2}" --history "$place" --commit "$(git rev-parse HEAD)" >"$scratch/told" || true
+  if ! grep -q '^history: ' "$scratch/told"; then
+    echo "graycard gate added nothing to the branch $GATE_HISTORY" >&2
+    exit 1
   fi
-  "$graycard" gate "$run" "$@" --history "$place" --commit "$(git rev-parse HEAD)"
-}
+  push_history
+)
 
-# Commit $run/history on top of its parent without touching the working tree, and push it.
-push_history() {
-  local parent=() name blob tree commit
-  local -x GIT_INDEX_FILE
-  GIT_INDEX_FILE=$(mktemp -d)/index
-  if [ -s "$run/history.parent" ]; then
-    parent=(-p "$(cat "$run/history.parent")")
-    git read-tree "${parent[1]}" || return
-  fi
+# Fetch the history into $place, where there is one, and name its commit in `parent`.
+fetch_history() {
+  local heads name
+  heads=$(git ls-remote --heads origin "refs/heads/$GATE_HISTORY") || return
+  [ -n "$heads" ] || return 0
+  fetch "$GATE_HISTORY" || return
+  parent=(-p "$(git rev-parse FETCH_HEAD)")
   for name in "${history[@]}"; do
-    blob=$(git hash-object -w "$run/history/$name") && git update-index --add --cacheinfo "100644,$blob,$name" || return
+    if git cat-file -e "FETCH_HEAD:$name" 2>/dev/null; then
+      git cat-file blob "FETCH_HEAD:$name" >"$place/$name" || return
+    fi
+  done
+}
+
+# Commit $place on top of `parent` without touching the working tree, and push it. No filter changes the files.
+push_history() {
+  local name blob tree commit
+  local -x GIT_INDEX_FILE=$scratch/index
+  [ "${#parent[@]}" = 0 ] || git read-tree "${parent[1]}" || return
+  for name in "${history[@]}"; do
+    blob=$(git hash-object -w --no-filters "$place/$name") || return
+    git update-index --add --cacheinfo "100644,$blob,$name" || return
   done
   tree=$(git write-tree) || return
-  rm -rf "${GIT_INDEX_FILE%/index}"
   commit=$(git -c user.name=graycard -c user.email=graycard@localhost \
     commit-tree "${parent[@]}" -m "Record $(git rev-parse --short HEAD)" "$tree") || return
-  git push --quiet --no-verify origin "$commit:refs/heads/$GATE_HISTORY"
+  git push --quiet --no-verify origin "$commit:refs/heads/$GATE_HISTORY" 2>"$scratch/told" && return
+  cat "$scratch/told" >&2
+  if grep -qiE 'error: 403|denied|not allowed' "$scratch/told"; then
+    echo "A push takes the right to write (on GitHub, permissions: contents: write)" >&2
+  fi
+  return 1
 }
 
 case ${1:-} in
