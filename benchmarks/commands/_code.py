@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from graycard import MethodError
@@ -129,13 +129,13 @@ def check_reads(command: Command, known: Mapping[str, str], grows: Path) -> None
     Args:
         command: Names what it reads.
         known: SHA-256 that each had; others are not looked at.
-        grows: Folder of the run: a folder around it changes with every job, and is let through.
+        grows: Folder of the run: a folder around it, by any path, changes with every job, and is let through.
 
     Raises:
         MethodError: It has changed, or is gone.
     """
-    grown = grows.absolute()
-    names = [n for n in command.reads if n in known and Path(n).expanduser().absolute() not in grown.parents]
+    grown = grows.resolve().parents
+    names = [n for n in command.reads if n in known and Path(n).expanduser().resolve() not in grown]
     for name, found in hashes_of_reads(replace(command, reads=tuple(names))).items():
         if found != known[name]:
             raise MethodError(
@@ -223,9 +223,12 @@ def _known_sha256(path: Path) -> str:
     return _sha256_at(path, (told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns))
 
 
-@lru_cache(maxsize=MOST)
+@cache
 def _sha256_at(path: Path, stamp: tuple[int, ...]) -> str:
-    """Return SHA-256 of a file that has some size and times."""
+    """Return SHA-256 of a file that has some size and times.
+
+    All are kept: in folders of more files than a limit each walk would push out what the next one asks for.
+    """
     return _sha256(path)
 
 

@@ -24,7 +24,14 @@ from graycard.benchmarks import SuiteMethod, check_result, load_suite
 from graycard.benchmarks._handed import OPAQUE, copied_capture
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import FitJob, run_fit
-from graycard.benchmarks.commands._code import check_reads, code_of, hashes_of_reads, interpreter_of
+from graycard.benchmarks.commands._code import (
+    MOST,
+    _known_sha256,
+    check_reads,
+    code_of,
+    hashes_of_reads,
+    interpreter_of,
+)
 from graycard.benchmarks.commands._command import Command
 from graycard.benchmarks.commands._fit import LOG, CommandSpec, fit_command, introduction_of_command
 from graycard.benchmarks.commands._handing import hand_over
@@ -465,6 +472,44 @@ def test_a_folder_around_the_run_may_grow(tmp_path: Path):
     check_reads(command, known, tmp_path / "run" / "jobs" / "a")
     with pytest.raises(MethodError, match="as it was"):
         check_reads(command, known, tmp_path.parent / "elsewhere")
+
+
+AROUND: dict[str, Callable[[Path], tuple[Path, Path]]] = {
+    "link": lambda folder: (folder / "link", folder / "data" / "run" / "a"),
+    "link-to-the-run": lambda folder: (folder / "data", folder / "link" / "run" / "a"),
+    "up": lambda folder: (folder / "data" / "run" / "..", folder / "data" / "run" / "a"),
+    "run-up": lambda folder: (folder / "data", folder / "other" / ".." / "data" / "run" / "a"),
+}
+
+
+@pytest.mark.parametrize("path", AROUND)
+def test_a_folder_around_the_run_is_known_by_any_path(path: str, tmp_path: Path):
+    (tmp_path / "data" / "run").mkdir(parents=True)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "link").symlink_to("data")
+    reads, job = AROUND[path](tmp_path)
+    command = Command(run="true {out}", reads=(str(reads),))
+    known = hashes_of_reads(command)
+    write_script(tmp_path / "data" / "run", "more", "log")
+    check_reads(command, known, job)
+    with pytest.raises(MethodError, match="as it was"):
+        check_reads(command, known, tmp_path / "other" / ".." / "elsewhere")
+
+
+def test_each_of_very_many_files_is_hashed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for number in range(150):
+        (tmp_path / f"file-{number}").write_text("")
+        (tmp_path / f"link-{number}").symlink_to(".")
+    monkeypatch.setattr("time.time", lambda now=time.time: now() + 60)  # what was made now has settled
+    hashed: list[Path] = []
+    monkeypatch.setattr(
+        "graycard.benchmarks.commands._code.sha256", lambda path: hashed.append(path) or "hash"
+    )
+    paths = [tmp_path / f"link-{a}" / f"file-{b}" for a in range(150) for b in range(150)]
+    assert len(paths) > MOST
+    for _ in range(2):
+        assert {_known_sha256(path) for path in paths} == {"hash"}
+    assert hashed == paths, "the second walk finds all"
 
 
 READS: dict[str, Callable[[Path], object]] = {
