@@ -5,11 +5,12 @@ import io
 import re
 import threading
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
-from graycard.cli._log import _clock, logged
+from graycard.cli._log import _clock, _Log, logged
 from graycard.cli._terminal import Terminal
 from graycard.processes import Ended, Outcome, named, part_of, run_all, worker_progress
 from graycard.processes._pool import words_of_job
@@ -183,6 +184,33 @@ def test_one_of_many_jobs_that_begins_a_stage_keeps_the_pace():
         report(0.06, "fitting")
         report(0.04, Ended("1 of 20"))
     assert re.fullmatch(r"\[4%, 0:00, about 0:\d\d left\] 1 of 20\n", shown.getvalue())
+
+
+END = Ended("one more")
+LEAPS: dict[str, tuple[list[tuple[float, float, str]], str]] = {
+    "found-after-a-minute": (
+        [(1, 0.01, "a"), (60, 0.33, END), (61, 0.65, "19 of 20"), (91, 0.7, END)],
+        "3:00",
+    ),
+    "found-slowly": ([(1, 0.01, "a"), (60, 0.33, END), (65, 0.65, "19 of 20"), (95, 0.7, END)], "3:00"),
+    "found-twice": ([(2, 0.33, "a"), (2.1, 0.65, "19 of 20"), (32.1, 0.7, END)], "3:00"),
+    "long-steps": ([(10, 0.2, "a"), (20, 0.4, "b"), (30, 0.6, "c"), (30, 0.6, END)], "0:20"),
+    "one-of-many-jobs": ([(1, 0.01, "a"), (61, 0.31, "a"), (61, 0.36, "b"), (71, 0.41, END)], "1:43"),
+    "jobs-that-end-at-once": ([(10, 0.3, END), (10, 0.6, END), (20, 0.9, END)], "0:02"),
+}
+"""Times, shares and words of reports, and the time that is left, as the last says."""
+
+
+@pytest.mark.parametrize("case", LEAPS)
+def test_a_share_that_leaps_sets_no_pace_and_long_steps_do(case: str, monkeypatch: pytest.MonkeyPatch):
+    reports, left = LEAPS[case]
+    err, shown = console()
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr("graycard.cli._log.time", SimpleNamespace(monotonic=lambda: clock.now))
+    log = _Log(err, "suite demo", each_s=1e6, started=0.0, told=0.0, due=1e6)
+    for clock.now, done, words in reports:
+        log.report(done, words)
+    assert shown.getvalue().splitlines()[-1].partition("about ")[2].startswith(f"{left} left")
 
 
 def test_what_was_found_done_sets_no_pace():

@@ -19,10 +19,14 @@ FIRST_S = 1.0
 """Time after which work is worth a first line: what is quicker says nothing."""
 EACH_S = 30.0
 """Longest time without a line."""
+AT_ONCE_S = 1.0
+"""Time in which no work does so much that its pace matters."""
 EARLY = 0.1
 """A first share beyond this with which a job ends was done since the start; any other was found done."""
 FALL = 0.1
 """A share that falls by more begins another stage; one of many jobs that does so moves the whole by less."""
+RISE = 0.1
+"""A share that rises by more at once was found done; most steps of work are smaller."""
 
 
 @dataclass(eq=False)
@@ -35,6 +39,8 @@ class _Log:
     started: float = field(default_factory=time.monotonic)
     due: float = 0.0
     done: float = 0.0
+    told: float = field(default_factory=time.monotonic)
+    """Time of the last report."""
     base: tuple[float, float] | None = None
     """Time and share from which the pace counts: after compilation, and after what was found done."""
     ended: threading.Event = field(default_factory=threading.Event)
@@ -43,15 +49,24 @@ class _Log:
     def report(self, done: float, doing: str, /) -> None:
         """Note how far the work is; say it if something has ended, or if nothing was said for long."""
         with self.lock:
-            ended = isinstance(doing, Ended)
+            ended, now = isinstance(doing, Ended), time.monotonic()
             if done < self.done - FALL:  # another stage of the work, with a pace of its own
-                self.base = time.monotonic(), done
+                self.base = now, done
             elif self.base is None and done > 0:
                 whole = ended and done > EARLY
-                self.base = (self.started, 0.0) if whole else (time.monotonic(), done)
-            self.done, self.doing = done, doing
-            if ended or time.monotonic() >= self.due:
+                self.base = (self.started, 0.0) if whole else (now, done)
+            elif self.base is not None and not ended and self.leaps(done, now):
+                self.base = now, done
+            self.done, self.doing, self.told = done, doing, now
+            if ended or now >= self.due:
                 self.say()
+
+    def leaps(self, done: float, now: float) -> bool:
+        """Tell whether the share rises as by no work: far, and at once or at twice the pace so far."""
+        since, share = self.base or (self.started, 0.0)
+        rise, before = done - self.done, self.done - share
+        usual = (self.told - since) * rise / before if before > 0 else 0.0
+        return rise > RISE and now - self.told < max(AT_ONCE_S, usual / 2)
 
     def say(self) -> None:
         """Write a line."""
