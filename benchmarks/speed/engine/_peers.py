@@ -92,7 +92,7 @@ def _reference(scene: Scene) -> Peer | str:
 
 
 def _gsplat(scene: Scene) -> Peer | str:
-    """Return the PyTorch impl of gsplatementation; its lists are made before, and not timed."""
+    """Return gsplat's implementation in PyTorch; its lists are made before, and not timed."""
     if find_spec("gsplat") is None:
         return "gsplat is not installed: pip install 'graycard[gpu]'"
     from graycard.benchmarks.speed._gsplat import accumulate, pairs_of, project
