@@ -453,7 +453,7 @@ def test_every_score_of_lights_is_known_by_whose_mean_it_is():
 
 
 def test_a_score_counts_missing_lights_that_it_judges():
-    """Of 8 lights 3 are missing; of the 4 with an axis one."""
+    """Three of 8 lights are missing, and one of the 4 with an axis."""
     scores = [
         make_score(replace(DOWN, id=name), value, expected=expected, scored=scored)
         for name, value, expected, scored in (
