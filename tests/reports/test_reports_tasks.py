@@ -66,7 +66,7 @@ def test_best_albedo_on_dark_and_is_it_sure(browser: Browser, size: Any, heard: 
     page = open_report(browser, OWN / "dark" / "index.html", heard, viewport=size)
     answer = page.locator(".answer").first
     assert answer.is_visible()
-    assert "darkgs has the best albedo" in " ".join((answer.text_content() or "").split())
+    assert "darkgs priors: oracle 0 has the best albedo" in " ".join((answer.text_content() or "").split())
     assert "tied with sunfaded" in (answer.text_content() or "")
     page.close()
     assert heard == []
