@@ -240,7 +240,7 @@ def test_a_lens_that_folds_at_its_centre():
 def test_pycolmap_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "pycolmap", None)
     with pytest.raises(
-        GraycardError, match=r"of model FOV, got none\. Run `pip install 'graycard\[colmap\]'`"
+        GraycardError, match=r"of model FOV, got none\. Run `pip install 'graycard\[cameras\]'`"
     ):
         make_intrinsics("FOV", SIZE, tuple(LENSES["FOV"]), "a test")
     assert make_intrinsics("OPENCV", SIZE, tuple(LENSES["OPENCV"]), "a test").lens is not None

@@ -114,7 +114,7 @@ def test_without_a_gpu_a_fit_says_so_at_once(
     name: str, make_scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(_cuda, "find_spec", lambda name: None)
-    with pytest.raises(GraycardError, match=r"pip install 'graycard\[cuda\]'"):
+    with pytest.raises(GraycardError, match=r"pip install 'graycard\[gpu\]'"):
         fitted(name, make_scene(track=TRACKS[name]), "cuda", iterations=2)
 
 

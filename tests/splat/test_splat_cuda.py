@@ -192,7 +192,7 @@ def test_what_does_not_fit_is_refused(draw: Any):
 @pytest.mark.parametrize("draw", [_cuda.rasterize_cuda, _cuda.rasterize_features_cuda])
 def test_without_gsplat_it_says_what_to_install(draw: Any, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_cuda, "find_spec", lambda name: None)
-    with pytest.raises(MethodError, match=r"pip install 'graycard\[cuda\]'"):
+    with pytest.raises(MethodError, match=r"pip install 'graycard\[gpu\]'"):
         draw(random_surfels(1), camera_of())
 
 

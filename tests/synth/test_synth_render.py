@@ -621,7 +621,7 @@ def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: str) 
     shares = [share for share, _ in heard]
     assert shares == sorted(shares)
     assert shares[-1] == 1
-    assert "glossy-table-0000 test_002" in [doing for _, doing in heard]
+    assert "picture 3 of 7, test_002" in [doing for _, doing in heard]
 
 
 def test_two_processes_make_a_scene_once(tmp_path: Path, in_process: RunPython) -> None:
