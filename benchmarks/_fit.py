@@ -34,6 +34,7 @@ from graycard.methods import (
 from graycard.methods.confined import ConfinedMethod, Known, Spent, confined
 from graycard.methods.priors import PriorSpec, weights_in
 from graycard.predictions import clear_predictions
+from graycard.processes import narrowed
 from graycard.records import Access, Cost
 
 FITTING = 0.9
@@ -117,25 +118,20 @@ def fit_scene(
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
-        fit.method.progress = _narrowed(progress, 0.0, 0.0)
+        fit.method.progress = narrowed(progress, 0.0, 0.0)
         fit.method.compile()
-        fit.method.progress = _narrowed(progress, 0.0, FITTING)
+        fit.method.progress = narrowed(progress, 0.0, FITTING)
         decomposition, spent = fit.timed(capture, priors)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
             changes = replace(changes, guest=_guest(fit, known, donor, changes))
-        fit.method.progress = _narrowed(progress, FITTING, 1.0)
+        fit.method.progress = narrowed(progress, FITTING, 1.0)
         cost = _written(fit, decomposition, capture, changes, spent, predictions, alone=donor is None)
         if save is not None:
             decomposition.save(save)
         if all(place.suffix == ".safetensors" for place in weights):
             fit.method.keep_kernels()  # no program in weights can have made them
         return Fitted(cost, _access(fit, priors, donor))
-
-
-def _narrowed(progress: Progress, first: float, last: float) -> Progress:
-    """Return the progress of what makes up a part of the whole."""
-    return lambda done, doing: progress(first + (last - first) * min(max(done, 0.0), 1.0), doing)
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,7 @@ from graycard.benchmarks.speed.engine._scenes import (
 )
 from graycard.benchmarks.speed.engine._step import measure_steps
 from graycard.io import silent
+from graycard.processes import narrowed
 
 Part = Literal["stages", "scaling", "peers", "losses", "step", "tracer"]
 PARTS: tuple[Part, ...] = ("stages", "scaling", "peers", "losses", "step", "tracer")
@@ -132,7 +133,8 @@ def measure_engine(plan: SpeedPlan | None = None, progress: Progress = silent) -
     speed = EngineSpeed(started, _environment(), cores, peaks)
     with threads(cores):
         for number, part in enumerate(plan.parts):
-            speed = _with_part(speed, part, plan, _share(progress, number, len(plan.parts)))
+            told = narrowed(progress, number / len(plan.parts), (number + 1) / len(plan.parts))
+            speed = _with_part(speed, part, plan, told)
     return speed
 
 
@@ -167,13 +169,6 @@ def _with_steps(speed: EngineSpeed, plan: SpeedPlan) -> EngineSpeed:
         left_out = f"steps of 2dgs on a GPU: {cause}"
         return replace(speed, steps=tuple(steps), left_out=(*speed.left_out, left_out))
     return replace(speed, steps=tuple(steps))
-
-
-def _share(progress: Progress, number: int, of: int) -> Progress:
-    def report(done: float, doing: str, /) -> None:
-        progress((number + done) / of, doing)
-
-    return report
 
 
 def _environment() -> dict[str, Any]:

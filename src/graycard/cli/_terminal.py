@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -140,11 +140,6 @@ def new_table(*heads: str) -> Table:
     for head in heads:
         table.add_column(head, overflow="fold")
     return table
-
-
-def share(progress: Progress, number: int, of: int) -> Callable[[float, str], None]:
-    """Return a function that reports the progress of one part as part of the whole."""
-    return lambda done, doing: progress((number + done) / of, doing)
 
 
 def write_optional_json(path: Path | None, value: Any) -> None:

@@ -19,6 +19,7 @@ from graycard.processes._landlock import landlock_version as landlock_version
 from graycard.processes._outcome import Ended as Ended
 from graycard.processes._outcome import Outcome as Outcome
 from graycard.processes._outcome import named as named
+from graycard.processes._outcome import narrowed as narrowed
 from graycard.processes._outcome import part_of as part_of
 from graycard.processes._places import Places as Places
 from graycard.processes._pool import USUAL as USUAL

@@ -26,18 +26,35 @@ def part_of(progress: Progress, number: int, of: int, doing: str) -> Progress:
         of: Number of parts.
         doing: What the part is, as in ``fitting``.
     """
+    return _worded(narrowed(progress, number / of, (number + 1) / of), doing)
 
-    def report(done: float, what: str, /) -> None:
-        progress((number + done) / of, what.after(doing) if isinstance(what, Ended) else f"{doing} {what}")
+
+def narrowed(progress: Progress, first: float, last: float) -> Progress:
+    """Return the progress of a part of the whole.
+
+    Args:
+        progress: That of the whole.
+        first: Share of the whole at which the part begins, 0 to 1.
+        last: Share at which it ends.
+    """
+
+    def report(done: float, doing: str, /) -> None:
+        share = min(max(done, 0.0), 1.0)
+        progress((1 - share) * first + share * last, doing)
 
     return report
 
 
 def named(progress: Progress, words: str) -> Progress:
     """Return progress in words that begin with what is worked on."""
+    return _worded(progress, f"{words}:")
+
+
+def _worded(progress: Progress, before: str) -> Progress:
+    """Return progress with some words before those that it is told."""
 
     def report(done: float, doing: str, /) -> None:
-        progress(done, doing.after(f"{words}:") if isinstance(doing, Ended) else f"{words}: {doing}")
+        progress(done, doing.after(before) if isinstance(doing, Ended) else f"{before} {doing}")
 
     return report
 

@@ -14,7 +14,7 @@ import tyro
 
 from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
-from graycard.cli._terminal import OK, Terminal, new_table, share, write_optional_json
+from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.exchange import (
     Background,
     ExchangeFormat,
@@ -28,6 +28,7 @@ from graycard.exchange import (
     Publication,
 )
 from graycard.io import Progress
+from graycard.processes import narrowed
 
 SurfelFormat = Literal["ply", "2dgs", "splat"]
 """Formats of ``graycard.methods.trained``, which is too heavy for the help."""
@@ -145,13 +146,13 @@ class ImportCommand:
         check_import(None if self.dry_run else self.out, self.track, self.scene, options)
         with (
             terminal.progress(f"importing {self.scene}") as progress,
-            self._source(share(progress, 0, 2)) as source,
+            self._source(narrowed(progress, 0, 0.5)) as source,
         ):
             plan = plan_import(source, self.track, options)
             if self.dry_run:
-                rows = survey_import(plan, share(progress, 1, 2))
+                rows = survey_import(plan, narrowed(progress, 0.5, 1))
             else:
-                rows = self._write(plan, source, share(progress, 1, 2))
+                rows = self._write(plan, source, narrowed(progress, 0.5, 1))
         self._show(terminal, rows)
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
