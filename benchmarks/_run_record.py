@@ -15,6 +15,7 @@ from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
 from graycard.io import await_file, remove_leftovers, sha256, writable_folder
 from graycard.machines import Machines
+from graycard.methods.priors import told_exactly
 from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
 
@@ -44,15 +45,19 @@ def _tidy(run: Path, dataset: Path) -> None:
 
 
 def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
-    """Return a method as a suite names it, with the settings that it changes."""
+    """Return a method as a suite names it, with the settings that it changes.
+
+    A prior that answers with the truth as it is counts as truth that is handed in: the row is a reference.
+    """
     changes = [f"{name} {value}" for name, value in method.settings.items()]
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
+    exact = told_exactly(method.priors, [ask.kind for ask in known.asks])
     summary = f"{known.summary} ({changed})" if changed else known.summary
     return MethodRecord(
         name=method.row,
         summary=summary,
-        sees=known.needs,
+        sees=(*known.needs, *(f"{kind} (exact prior)" for kind in exact)),
         entry=method.entry,
         slack=method.slack,
         predictions=method.predictions,

@@ -14,3 +14,4 @@ from graycard.methods.priors._spec import Override as Override
 from graycard.methods.priors._spec import PriorSpec as PriorSpec
 from graycard.methods.priors._spec import of_kind as of_kind
 from graycard.methods.priors._spec import parse_priors as parse_priors
+from graycard.methods.priors._spec import told_exactly as told_exactly

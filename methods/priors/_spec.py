@@ -3,7 +3,7 @@
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -170,6 +170,17 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
         return _sloped(spec, override)
     errors = _errors(name, severity, override.errors)
     return KindSpec(name, source, severity, spec.seed, weights, errors, algorithm)
+
+
+def told_exactly(spec: PriorSpec, kinds: Iterable[PriorKind]) -> tuple[PriorKind, ...]:
+    """Return the kinds of prior, of those asked, that a spec answers with the truth as it is.
+
+    Raises:
+        ValueError, UnknownNameError: As :func:`of_kind`.
+    """
+    exact = [levels[0] for levels in LEVELS.values()]
+    answers = [of_kind(spec, kind) for kind in kinds]
+    return tuple(found.kind for found in answers if found.source == "oracle" and found.errors in exact)
 
 
 def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | None:

@@ -17,7 +17,7 @@ from graycard.benchmarks._run_record import method_record
 from graycard.benchmarks.planning._plan import plan_fits
 from graycard.cli import main
 from graycard.io import from_builtins, read_layers, silent, to_builtins
-from graycard.methods.priors import Override, PriorSpec
+from graycard.methods.priors import Override, PriorSpec, told_exactly
 from graycard.processes import landlock_version
 from graycard.records import Job
 from graycard.synth import RenderSettings, SceneSpec
@@ -141,6 +141,32 @@ def test_a_row_says_its_priors_and_wrong_ones_are_met_before_any_work(asker: str
         introduction_of(SuiteMethod(asker))
     with pytest.raises(MethodError, match="expected no priors for a method that asks for none"):
         introduction_of(SuiteMethod("gray", priors=PriorSpec("oracle")))
+
+
+DEPTH, COLOR = "depth (exact prior)", "base_color (exact prior)"
+EXACT_AND_NOT = [
+    (PriorSpec("oracle"), (DEPTH, COLOR)),
+    (PriorSpec("oracle", 1), ()),
+    (PriorSpec("classical"), ()),
+    (PriorSpec("oracle", overrides={"depth": Override(errors={"kappa": 0.3})}), (COLOR,)),
+    (PriorSpec("oracle", 2, overrides={"depth": Override(severity=0)}), (DEPTH,)),
+    (PriorSpec("classical", overrides={"depth": Override("oracle")}), (DEPTH,)),
+]
+
+
+@pytest.mark.parametrize(("spec", "sees"), EXACT_AND_NOT, ids=str)
+def test_a_row_that_is_told_truth_as_it_is_does_not_compete(
+    asker: str, spec: PriorSpec, sees: tuple[str, ...]
+):
+    row = SuiteMethod(asker, priors=spec)
+    assert method_record(row, introduction_of(row)).sees == sees
+
+
+def test_normals_that_are_slopes_of_a_true_depth_are_told_exactly():
+    slopes = {"normal": Override(algorithm="slopes-of-depth")}
+    assert told_exactly(PriorSpec("oracle", 0, overrides=slopes), ["depth", "normal"]) == ("depth", "normal")
+    assert told_exactly(PriorSpec("oracle", 3, overrides=slopes), ["depth", "normal"]) == ()
+    assert told_exactly(PriorSpec(), ["depth"]) == ()
 
 
 SUITE = """
