@@ -48,13 +48,21 @@ def _code(run: RunRecord, edition: Edition) -> Iterator[Breach]:
 
 
 def _tag(edition: Edition) -> Iterator[Breach]:
-    """Check that the tag is still at that commit, as far as this checkout can tell."""
+    """Check that the tag is still at that commit, as far as this checkout can tell.
+
+    Where a clone came without its tags, the commit itself vouches if it is part of the history.
+    """
     root = checkout()
     if not edition.commit:
         return
     found = git(root, "rev-parse", "--verify", "--quiet", f"{edition.tag}^{{commit}}") if root else ""
+    if not found and root and git(root, "merge-base", edition.commit, "HEAD") == edition.commit:
+        return
     if not found:
-        what = f"expected a checkout that knows the tag {edition.tag}, got none. Run `git fetch --tags`"
+        what = (
+            f"expected a checkout that knows the tag {edition.tag} or has its commit in its history, got "
+            "neither. Run `git fetch --tags`, with `--unshallow` in a shallow clone"
+        )
         yield Breach(RULE, "run.json", what, unknown=True)
     elif found != edition.commit:
         what = f"expected {edition.tag} at {edition.commit[:12]}, as the run says, got {found[:12]}"

@@ -170,7 +170,14 @@ def test_a_run_on_sealed_scenes_says_so_and_is_checked(
     monkeypatch.setattr(validity, "git", lambda root, *words: "")
     (line,) = [b for b in check_result(sealed_run).breaches if b.rule in ("origin", "suite")]
     assert line.unknown
-    assert "expected a checkout that knows the tag edition-1" in line.what
+    assert "expected a checkout that knows the tag edition-1 or has its commit" in line.what
+    without_tags = {"merge-base": COMMIT}
+    monkeypatch.setattr(validity, "git", lambda root, verb, *words: without_tags.get(verb, ""))
+    assert {"origin", "suite"}.isdisjoint(breaches(sealed_run))
+    elsewhere = {"merge-base": "e" * 40}  # the last commit that both histories share is an older one
+    monkeypatch.setattr(validity, "git", lambda root, verb, *words: elsewhere.get(verb, ""))
+    (line,) = [b for b in check_result(sealed_run).breaches if b.rule in ("origin", "suite")]
+    assert line.unknown
     monkeypatch.setattr(validity, "git", lambda root, *words: COMMIT)
     assert {"origin", "suite"}.isdisjoint(breaches(sealed_run))
     monkeypatch.setattr(validity, "git", lambda root, *words: "f" * 40)
