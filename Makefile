@@ -83,7 +83,7 @@ pictures: .venv/installed-test
 	$(BIN)/python tests/helpers/docs_pictures.py runs/pictures
 
 ledger: .venv/installed
-	$(BIN)/graycard site reports/published --out runs/ledger
+	$(BIN)/graycard site reports/published reports/published/second --out runs/ledger
 
 site: .venv/installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from docs_of_editions import published_folders
 from graycard import OutputError, RecordError
 from graycard.benchmarks import Validity
 from graycard.cli import main
@@ -148,9 +149,7 @@ def test_a_method_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
         publish_run(tiny_run, tmp_path / "out", 100, ["grey"])
 
 
-PUBLISHED = sorted(
-    path for path in (Path(__file__).parents[2] / "reports" / "published").iterdir() if path.is_dir()
-)
+PUBLISHED = published_folders()
 
 
 @pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)

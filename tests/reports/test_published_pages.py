@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import pytest
 
+from docs_of_editions import published_folders
 from graycard.eval.statistics import RULE, Question, compare_run
 from graycard.records import Comparison, read_run
 from graycard.reports.history._keep import OWN
 from opened import opened
 
-FOLDERS = sorted(path for path in OWN.iterdir() if path.is_dir())
+FOLDERS = published_folders()
 DATA = re.compile(r'"data:[^"]*"')
 BUTTON = re.compile(r"<button [^>]*>(.*?)&nbsp;")
 METHOD = re.compile(r'<span class="method">(.*?)</span>')

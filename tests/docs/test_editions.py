@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``docs/results/second.md``: what the ledger's second edition says beside the first."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from docs_of_editions import claims_in, decided_words, edition_block, folders_of_second, is_decided
+from docs_of_reference import DOCS
+from graycard.io import sha256
+from graycard.records import read_ledger, read_run
+from graycard.reports.history._keep import OWN
+
+PAGE = DOCS / "results" / "second.md"
+FOLDERS = folders_of_second()
+
+
+def parts_of(text: str, name: str) -> tuple[str, str, str]:
+    """Return what stands before the tables of a run, the tables, and what follows."""
+    begin, end = f"<!-- {name}: written by `make docs` -->\n", f"<!-- end of {name} -->\n"
+    before, found, rest = text.partition(begin)
+    tables, ended, after = rest.partition(end)
+    assert found, f"expected {begin.strip()} in {PAGE}"
+    assert ended, f"expected {end.strip()} in {PAGE}"
+    return before + begin, tables, end + after
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
+    text = PAGE.read_text(encoding="utf-8")
+    before, told, after = parts_of(text, folder.name)
+    wanted = edition_block(folder)
+    if os.environ.get("GRAYCARD_WRITE_DOCS"):
+        PAGE.write_text(before + wanted + after, encoding="utf-8")
+        told = wanted
+    assert told == wanted, "run `make docs`"
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_the_second_edition_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
+    run, ledger = read_run(folder), read_ledger(folder)
+    assert ledger is not None
+    assert run.edition == ledger.edition
+    assert run.edition is not None
+    assert run.edition.tag == "edition-2"
+    assert ledger.run_sha256 == sha256(folder / "run.json")
+    assert all(scene.seed is not None and 901 <= scene.seed <= 999 for scene in run.scenes)
+
+
+def test_a_claim_is_decided_where_nine_refits_in_ten_agree():
+    claims = claims_in(OWN / "tabletop")
+    held = replace(claims["R14"], stability=0.89)
+    assert claims["R14"].verdict == "holds"
+    assert is_decided(claims["R14"])
+    assert not is_decided(held)
+    assert not is_decided(claims["R1"])  # undecided
+    three = {"R14": claims["R14"], "R1": claims["R1"], "R2": claims["R2"]}  # R2 is not testable
+    assert decided_words(three) == (
+        "1 of 2 claims and questions that this run can test are decided (50 %): 1 holds. "
+        "1 more cannot be tested on it."
+    )

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of the docs that hold the ledger's second edition against the first."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from docs_of_reference import cell, table
+from graycard import RecordError
+from graycard.io import from_builtins, read_json
+from graycard.records import CLAIMS, ClaimResult, Ledger
+from graycard.reports.history._keep import OWN
+
+SECOND = OWN / "second"
+ENDING = "-sealed"
+"""What a folder of the second edition has behind the name of its first edition's."""
+HELD_BACK = ("undecided", "open")
+AGREE = 0.9
+"""Share of refits from which a verdict counts as stable."""
+
+
+def folders_of_second() -> list[Path]:
+    """Return the published folders of the second edition."""
+    return sorted(path.parent for path in SECOND.glob(f"*/{CLAIMS}"))
+
+
+def published_folders() -> list[Path]:
+    """Return all published folders that come along, of either edition."""
+    return sorted(path.parent for path in (*OWN.glob(f"*/{CLAIMS}"), *OWN.glob(f"*/*/{CLAIMS}")))
+
+
+def claims_in(folder: Path) -> dict[str, ClaimResult]:
+    """Return the claims of a published ledger by their names; papers' own tables are left out."""
+    path = folder / CLAIMS
+    ledger = from_builtins(Ledger, read_json(path), RecordError, str(path))
+    found = (claim for paper in ledger.papers for claim in paper.claims)
+    return {claim.id: claim for claim in found if claim.verdict not in ("consistent", "inconsistent")}
+
+
+def is_decided(claim: ClaimResult) -> bool:
+    """Tell whether a claim has a verdict that nine refits in ten would give."""
+    testable = claim.verdict != "not testable here"
+    return testable and claim.verdict not in HELD_BACK and (claim.stability or 0) >= AGREE
+
+
+def decided_words(claims: Mapping[str, ClaimResult]) -> str:
+    """Return how many claims are decided, in a sentence."""
+    testable = [claim for claim in claims.values() if claim.verdict != "not testable here"]
+    decided = [claim for claim in testable if is_decided(claim)]
+    words = Counter(claim.verdict for claim in decided)
+    told = ", ".join(f"{number} {word}" for word, number in words.most_common())
+    share = f"{len(decided)} of {len(testable)} claims and questions that this run can test are decided"
+    rest = f" {len(claims) - len(testable)} more cannot be tested on it."
+    return f"{share} ({100 * len(decided) / len(testable):.0f} %)" + (f": {told}." if told else ".") + rest
+
+
+def edition_block(second: Path) -> str:
+    """Return the tables of one track: each claim in both editions, and what decides or holds it back."""
+    first = claims_in(OWN / second.name.removesuffix(ENDING))
+    claims = claims_in(second)
+    rows = [(name, _word(first.get(name)), _word(claim), _share(claim)) for name, claim in claims.items()]
+    head = ("claim", "first edition", "second edition", "refits that agree")
+    reasons = [f"- **{name}** {cell(claim.sentence)} {cell(_why(claim))}\n" for name, claim in claims.items()]
+    return f"\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
+
+
+def _word(claim: ClaimResult | None) -> str:
+    if claim is None:
+        return "not asked"
+    return f"{claim.verdict} (by the checks: {claim.before})" if claim.before else claim.verdict
+
+
+def _share(claim: ClaimResult) -> str:
+    return "" if claim.stability is None else f"{100 * claim.stability:.0f} %"
+
+
+def _why(claim: ClaimResult) -> str:
+    """Return what decides a claim, what holds it back, and what would decide it."""
+    return " ".join(f"{part[0].upper()}{part[1:]}." for part in _parts(claim))
+
+
+def _parts(claim: ClaimResult) -> Iterator[str]:
+    yield claim.text.partition("; upper bound")[0]
+    if claim.suspended:
+        yield f"held back: {claim.suspended}"
+    if claim.needs:
+        yield f"needs {claim.needs}"
