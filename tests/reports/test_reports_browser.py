@@ -203,6 +203,10 @@ def test_divider_shows_one_row_left_and_another_right(viewer: Locator) -> None:
     mouse.up()
     settle(viewer.page)
     assert viewer.locator(".divider").input_value() == "25"
+    dragged = pixel(viewer, 0, 10, 18)
+    viewer.locator(".reset").click()
+    assert pixel(viewer, 0, 10, 18) != dragged
+    assert viewer.locator(".divider").input_value() == "50"
 
 
 def test_value_under_the_pointer_is_that_of_the_files(viewer: Locator, tiny_run: Path) -> None:
