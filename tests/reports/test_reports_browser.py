@@ -604,6 +604,7 @@ def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Loc
     assert re.fullmatch(r"≥ [\d.]+ % of the truth", end.text_content() or "")
     notes = viewer.locator(".tiles figure[data-row] .note").all_text_contents()
     assert len([note for note in notes if "mean " in note]) == 3
+    assert all(note.endswith(f", scale 0 to {end.text_content()}") for note in notes if "mean " in note)
     box = place_of(viewer.locator(".panes canvas").first)
     viewer.page.mouse.move(box["x"] + 14.5 / 28 * box["width"], box["y"] + 18.5 / 24 * box["height"])
     settle(viewer.page)
@@ -612,6 +613,8 @@ def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Loc
     assert "measure=relative" in (viewer.locator("a.permalink").get_attribute("href") or "")
     viewer.get_by_role("tab", name="Normal, world axes").click()
     assert viewer.locator("select.measure option").all_text_contents() == ["Angle"]
+    kept = viewer.locator(".tiles figure[data-row=retinex] .note").text_content() or ""
+    assert re.search(r"scale 0 to ≥ [\d.]+ degrees$", kept)
 
 
 def test_a_part_that_is_damaged_says_so(
