@@ -14,6 +14,7 @@ from graycard import TRACKS, Capture, GraycardError, MethodError, open_capture
 from graycard.dataset import manifest_of, write_index
 from graycard.io import output_error, write_manifest
 from graycard.processes import AUDIT_HOOK, SECCOMP, Places
+from graycard.records import RUN_FILE
 
 GUARDS = re.compile(rf"(landlock-[0-9]+\+)?({SECCOMP}\+)?{AUDIT_HOOK}|capture-copy-and-audit-hook-1")
 """The ways in which truth was closed to a fit: by the kernel besides, by a hook of Python alone, and as
@@ -21,7 +22,7 @@ before, by a hook in the process that read the truth."""
 OPAQUE = "this-scene"
 """The name that every scene has in a fit."""
 _OF_RUNS = (
-    "jobs", "dataset", "stages", "report", "run.json", "comparison.json", "claims.json", "suite.json",
+    "jobs", "dataset", "stages", "report", RUN_FILE, "comparison.json", "claims.json", "suite.json",
 )  # fmt: skip
 """Files and folders of a run that are closed."""
 

@@ -16,7 +16,7 @@ from graycard.dataset import manifest_of
 from graycard.io import await_file, remove_leftovers, sha256, writable_folder
 from graycard.machines import Machines
 from graycard.methods.priors import told_exactly
-from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
+from graycard.records import RUN_FILE, Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
 
 
@@ -139,7 +139,7 @@ def record_before(
     Raises:
         RunError: It was of another suite, at another budget, or of another edition.
     """
-    if not (run / "run.json").is_file():
+    if not (run / RUN_FILE).is_file():
         return None
     try:
         before = read_run(run)

@@ -57,7 +57,7 @@ from graycard.io import sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
-from graycard.records import CLAIMS, COMPARISON, Edition, JobResult, RunRecord
+from graycard.records import CLAIMS, COMPARISON, RUN_FILE, Edition, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 
@@ -360,7 +360,7 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
         run: The run folder.
         claims: Names of files of claims; those that are made for the suite if empty.
     """
-    write_json(run / "run.json", record)
+    write_json(run / RUN_FILE, record)
     write_json(run / COMPARISON, compare_first_look(record))
     if names := claims or claims_of_suite(record.suite):
         write_json(run / CLAIMS, judge_run(record, run, names))

@@ -25,7 +25,7 @@ from graycard.benchmarks.claims import (
 from graycard.eval.statistics import LEAST_SCENES, level_up_to
 from graycard.io import dumps, sha256
 from graycard.processes import USUAL, Limits
-from graycard.records import Look, Looks, RunRecord
+from graycard.records import RUN_FILE, Look, Looks, RunRecord
 from graycard.synth import SceneSpec
 
 _AS_IT_IS = Terms()
@@ -134,7 +134,7 @@ def _before(bench: Bench, looks: Looks, files: Mapping[str, Path]) -> RunRecord 
         RunError: It has a run of another plan, or one that cannot be read.
     """
     before = record_before(bench.run, bench.suite)
-    if before is None and (bench.run / "run.json").is_file():
+    if before is None and (bench.run / RUN_FILE).is_file():
         raise RunError(
             f"expected the plan of the run in its run.json, got one in {bench.run} that cannot be read. "
             "Put it back as it was, or choose another --out"

@@ -10,7 +10,16 @@ from typing import Final, get_args
 
 from graycard import GraycardError
 from graycard.io import sha256
-from graycard.records import CheckResult, ClaimResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_ledger
+from graycard.records import (
+    RUN_FILE,
+    CheckResult,
+    ClaimResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    RowMean,
+    read_ledger,
+)
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._effects import EffectPlot, effect_plot
 from graycard.reports._format import count, format_number, format_p, format_value, format_with_unit
@@ -113,7 +122,7 @@ def claims_section(run: Path) -> ClaimsSection | None:
 
 def section_of(ledger: Ledger, run: Path) -> ClaimsSection:
     """Return the section of a ledger, whose run lies in a folder."""
-    stale = ledger.run_sha256 != sha256(run / "run.json")
+    stale = ledger.run_sha256 != sha256(run / RUN_FILE)
     level = f"{100 * ledger.level:.4g} %"
     papers = tuple(_anchored(map(_paper, ledger.papers)))
     return ClaimsSection(papers, ledger.rules, stale, LEGEND, level)

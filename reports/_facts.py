@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from graycard.records import JobResult, RunRecord
+from graycard.records import JobResult, RunRecord, knob_text
 from graycard.reports._format import format_date, format_seconds
 
 
@@ -68,6 +68,12 @@ def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:
     else:
         return ((prefix or "value", _text(value)),)
     return tuple(pair for name, part in parts for pair in flatten(part, name))
+
+
+def setting_text(value: str, name: str) -> str:
+    """Return a setting of a scene with its unit, where it is a knob that has one; ``name`` as in a page."""
+    kind, _, knob = name.partition(" ")
+    return knob_text(knob.replace(" ", "_"), value) if kind == "knobs" else value
 
 
 def job_rows(record: RunRecord) -> tuple[JobRow, ...]:

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from graycard import OutputError, RecordError
 from graycard.io import atomic_folder, read_json, sha256, to_builtins
-from graycard.records import CLAIMS, PUBLISHED_PAGE, Ledger, read_ledger, read_run
+from graycard.records import CLAIMS, PUBLISHED_PAGE, RUN_FILE, Ledger, read_ledger, read_run
 from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
 
-RUN = "run.json"
 SUITE = "suite.json"
 
 
@@ -65,7 +64,7 @@ def ledger_of_run(run: Path) -> Ledger | None:
         RecordError: It is damaged or of another format, or ``run.json`` is not the one that it was made from.
     """
     ledger = read_ledger(run)
-    if ledger is None or ledger.run_sha256 == (found := sha256(Path(run) / RUN)):
+    if ledger is None or ledger.run_sha256 == (found := sha256(Path(run) / RUN_FILE)):
         return ledger
     of = f"run.json {ledger.run_sha256[:12]}" if ledger.run_sha256 else "no run"
     raise RecordError(
@@ -76,13 +75,13 @@ def ledger_of_run(run: Path) -> Ledger | None:
 
 def _kept_records(run: Path, ledger: Ledger | None) -> dict[str, bytes]:
     """Return the files that are kept, by name; the comparison is none of them, as it follows from the run."""
-    record = read_json(run / RUN)
+    record = read_json(run / RUN_FILE)
     record["scenes"] = [s | {"folder": f"dataset/{s['track']}/{s['scene']}"} for s in record["scenes"]]
-    found = {RUN: _packed(record)}
+    found = {RUN_FILE: _packed(record)}
     if (run / SUITE).is_file():
         found[SUITE] = (run / SUITE).read_bytes()  # run.json has its hash
     if ledger is not None:
-        beside = hashlib.sha256(found[RUN]).hexdigest()  # the same numbers, laid out otherwise
+        beside = hashlib.sha256(found[RUN_FILE]).hexdigest()  # the same numbers, laid out otherwise
         found[CLAIMS] = _packed(to_builtins(replace(ledger, run_sha256=beside)))
     return found
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from graycard.reports._facts import setting_text
 from graycard.reports._format import format_name, format_number
 from graycard.reports.parts._islands import key_of
 from graycard.reports.pictures._colour_maps import COLOUR_MAPS, colour_map
@@ -62,6 +63,7 @@ def environment() -> Environment:
     found.filters["words"] = format_name
     found.filters["number"] = format_number
     found.filters["key"] = key_of
+    found.filters["knob"] = setting_text
     return found
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from graycard import RecordError
 from graycard.io import read_text, remove, write_bytes
-from graycard.records import PUBLISHED_PAGE, Comparison, is_published, read_run
+from graycard.records import PUBLISHED_PAGE, Comparison, RunRecord, is_published, read_run
 from graycard.reports._page import Page, build_page
 from graycard.reports.history._remake import kept_of_run
 from graycard.reports.parts._render import render_files, render_page
@@ -22,6 +22,7 @@ def write_report(
     out: Path | None = None,
     one_file: bool = False,
     comparison: Comparison | None = None,
+    record: RunRecord | None = None,
 ) -> Path:
     """Write the report of a run without any reference to another host.
 
@@ -34,6 +35,7 @@ def write_report(
         out: The file; None for ``RUN/report/index.html``.
         one_file: Write one file however large; else a report above 15 MB has its scenes in files beside it.
         comparison: Of its methods; None for that in the folder.
+        record: Of the run, where it was read before; None to read it.
 
     Returns:
         The path of the report.
@@ -44,7 +46,7 @@ def write_report(
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(run) / "report" / "index.html" if out is None else out
-    page = _page_of(Path(run), pictures, comparison)
+    page = _page_of(Path(run), pictures, comparison, record)
     whole = render_page(page).encode()
     folder, written = f"{path.stem}-scenes", set[Path]()
     if one_file or len(whole) <= MAX_BYTES:
@@ -64,8 +66,13 @@ def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
     return render_page(_page_of(run, pictures)).encode()
 
 
-def _page_of(run: Path, pictures: Collection[str] | None, comparison: Comparison | None = None) -> Page:
-    record = read_run(run)
+def _page_of(
+    run: Path,
+    pictures: Collection[str] | None,
+    comparison: Comparison | None = None,
+    record: RunRecord | None = None,
+) -> Page:
+    record = read_run(run) if record is None else record
     known = [method.name for method in record.methods]
     if pictures is not None and (strange := sorted(set(pictures) - set(known))):
         raise RecordError(

@@ -9,6 +9,7 @@ from statistics import median, quantiles
 
 import pytest
 
+from graycard.records import RUN_FILE
 from house import Module, door_of, functions_of, imports_of, modules
 
 MAX_LINES = 400
@@ -54,6 +55,17 @@ def test_no_import_takes_another_name_for_the_package():
         if line.strip().startswith("import graycard as")
     ]
     assert not aliases
+
+
+def test_the_record_of_a_run_is_named_once():
+    """Code takes ``RUN_FILE``; sentences may name the file."""
+    named = [
+        str(module.path)
+        for module in modules().values()
+        for line in module.path.read_text(encoding="utf-8").splitlines()
+        if f'"{RUN_FILE}"' in line
+    ]
+    assert [name.rpartition("/")[2] for name in named] == ["_run.py"]
 
 
 def test_files_are_short():

@@ -13,7 +13,7 @@ from graycard.benchmarks.claims._rules import RULES
 from graycard.benchmarks.claims._verdicts import Case, judge_claim
 from graycard.eval.statistics import LEVEL
 from graycard.io import read_json, sha256
-from graycard.records import ClaimResult, Ledger, PaperResult, RunRecord
+from graycard.records import RUN_FILE, ClaimResult, Ledger, PaperResult, RunRecord
 
 SUITE = "suite.json"
 """The suite that a run folder keeps."""
@@ -51,7 +51,7 @@ def judge_claims(
         claims = judge_paper(paper, record, level, here=here, budgets=budgets)
         papers.append(PaperResult(paper.name, paper.version, paper.title, sha256(claims_path(name)), claims))
     rows = {method.name: method.summary for method in record.methods}
-    digest = sha256(Path(run) / "run.json")
+    digest = sha256(Path(run) / RUN_FILE)
     return Ledger(record.suite, record.suite_version, digest, level, RULES, rows, tuple(papers))
 
 

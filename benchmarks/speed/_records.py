@@ -15,6 +15,7 @@ from graycard.benchmarks.claims import claims_of_suite, load_claims
 from graycard.eval import all_metrics
 from graycard.io import silent, write_json
 from graycard.records import (
+    RUN_FILE,
     Cost,
     Job,
     JobResult,
@@ -76,8 +77,8 @@ def measure_records(rows: int = 40, scenes: int = 40, progress: Progress = silen
     """
     with TemporaryDirectory() as folder:
         run = Path(folder) / "run"
-        write_json(run / "run.json", made_up_run(rows, scenes))
-        size = (run / "run.json").stat().st_size / 2**20
+        write_json(run / RUN_FILE, made_up_run(rows, scenes))
+        size = (run / RUN_FILE).stat().st_size / 2**20
         costs = []
         for number, verb in enumerate(VERBS):
             progress(number / len(VERBS), verb)

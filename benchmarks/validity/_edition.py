@@ -8,7 +8,7 @@ from graycard.benchmarks._edition import sealed_in
 from graycard.benchmarks._sources import checkout, git
 from graycard.benchmarks._suites import Suite
 from graycard.benchmarks.validity._record import Breach
-from graycard.records import Edition, RunRecord, read_ledger
+from graycard.records import RUN_FILE, Edition, RunRecord, read_ledger
 from graycard.synth import SceneSpec
 
 RULE = "origin"
@@ -63,10 +63,10 @@ def _tag(edition: Edition) -> Iterator[Breach]:
             f"expected a checkout that knows the tag {edition.tag} or has its commit in its history, got "
             "neither. Run `git fetch --tags`, with `--unshallow` in a shallow clone"
         )
-        yield Breach(RULE, "run.json", what, unknown=True)
+        yield Breach(RULE, RUN_FILE, what, unknown=True)
     elif found != edition.commit:
         what = f"expected {edition.tag} at {edition.commit[:12]}, as the run says, got {found[:12]}"
-        yield Breach(RULE, "run.json", what)
+        yield Breach(RULE, RUN_FILE, what)
 
 
 def _claims(edition: Edition, folder: Path) -> Iterator[Breach]:

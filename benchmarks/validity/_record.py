@@ -16,7 +16,7 @@ from graycard.benchmarks._sources import PACKAGES
 from graycard.eval.statistics import above_ceiling, compare_first_look
 from graycard.io import to_builtins
 from graycard.methods import BUILT_IN
-from graycard.records import JobResult, RunRecord, Score, read_comparison
+from graycard.records import RUN_FILE, JobResult, RunRecord, Score, read_comparison
 
 _ORIGINS = ("python", "platform", "cpu", "cores")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -56,7 +56,7 @@ def scores_of(run: RunRecord) -> Iterator[tuple[JobResult, Score]]:
 def count_breaches(run: RunRecord) -> list[Breach]:
     """Fits, scores and views that should be there and are not."""
     if not run.results:
-        return [Breach("counts", "run.json", "expected fits, got none: nothing was measured", unknown=True)]
+        return [Breach("counts", RUN_FILE, "expected fits, got none: nothing was measured", unknown=True)]
     found = [*_missing_fits(run), *_failed_fits(run)]
     by_scene: dict[tuple[str, str], list[JobResult]] = defaultdict(list)
     for result in run.results:

@@ -9,7 +9,7 @@ from graycard.benchmarks._suites import Suite, with_secret
 from graycard.benchmarks.secret._salt import Salt
 from graycard.benchmarks.validity._record import Breach
 from graycard.io import read_manifest
-from graycard.records import RunRecord
+from graycard.records import RUN_FILE, RunRecord
 from graycard.synth import SecretSpec, scene_name
 
 RULE = "seeds"
@@ -34,10 +34,10 @@ def secret_breaches(run: RunRecord, folder: Path, suite: Suite | None, salt: Sal
     if suite.secret is None or run.commitment != suite.secret.commitment:
         known = f"{suite.secret.commitment[:12]}…" if suite.secret else "none"
         what = f"expected secret scenes of the salt that {suite.name} is committed to ({known}), got "
-        return [Breach(RULE, "run.json", f"{what}{run.commitment[:12] or 'none'}…")]
+        return [Breach(RULE, RUN_FILE, f"{what}{run.commitment[:12] or 'none'}…")]
     if salt is None:
         what = "expected the salt of the secret scenes, got none. Name it with --salt once it is opened"
-        return [Breach(RULE, "run.json", what, unknown=True)]
+        return [Breach(RULE, RUN_FILE, what, unknown=True)]
     return list(_scenes(run, folder, suite.secret.drawn(salt)))
 
 

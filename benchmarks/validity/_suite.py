@@ -13,7 +13,7 @@ from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, sc
 from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.methods.priors import PriorSpec
-from graycard.records import JobResult, RunRecord, SceneRecord
+from graycard.records import RUN_FILE, JobResult, RunRecord, SceneRecord
 from graycard.synth import SceneSpec, resolved_knobs, scene_name, with_defaults
 
 RULE = "suite"
@@ -142,7 +142,7 @@ def _missing_scenes(run: RunRecord, suite: Suite) -> Iterator[Breach]:
 
 def _missing_seeds(run: RunRecord, suite: Suite) -> Iterator[Breach]:
     for seed in sorted(set(suite.seeds) - {result.job.seed for result in run.results}):
-        yield Breach(RULE, "run.json", f"expected fits with seed {seed}, as {suite.name} has them, got none")
+        yield Breach(RULE, RUN_FILE, f"expected fits with seed {seed}, as {suite.name} has them, got none")
 
 
 def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -> Iterator[Breach]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from graycard.io import read_json
-from graycard.records import Comparison, MethodRecord, RunRecord, SceneRecord, read_run
+from graycard.records import Comparison, MethodRecord, RunRecord, SceneRecord, knob_text, read_run
 from graycard.reports._format import count, format_date, format_seconds, format_value
 from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._tracks import headline_of, words_of
@@ -156,7 +156,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
 
 def _scene(scene: SceneRecord) -> SceneLine:
     seed = "secret seed" if scene.seed is None else f"seed {scene.seed}"
-    return SceneLine(scene.track, scene.scene, scene.family, seed, scene.title, _knobs(scene.knobs))
+    return SceneLine(scene.track, scene.scene, scene.family, seed, scene.title, knobs_in_words(scene.knobs))
 
 
 def _method(method: MethodRecord, told: str, priors: PriorBadge | None) -> MethodLine:
@@ -182,10 +182,10 @@ def _pictures(render: Any) -> str:
 _VIEWS = {"train_views": "photographs", "test_views": "held-out views"}
 
 
-def _knobs(knobs: Mapping[str, Any]) -> str:
-    """Return knobs in one line, numbers short."""
+def knobs_in_words(knobs: Mapping[str, Any]) -> str:
+    """Return knobs in one line, numbers short and with units."""
     shown = ((k, f"{v:.3g}" if isinstance(v, float) else v) for k, v in knobs.items())
-    return ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in shown)
+    return ", ".join(f"{name.replace('_', ' ')} {knob_text(name, str(value))}" for name, value in shown)
 
 
 def _board(record: RunRecord, comparison: Comparison, track: str, anchor: str) -> Board:

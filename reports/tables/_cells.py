@@ -53,6 +53,8 @@ class Cell:
     """The ends of its 95 % interval; None where there is none."""
     unpaired: str = ""
     """Lights without a partner in words, which weigh in the value; empty where all have one."""
+    standing: str = ""
+    """The note that says who leads, and who is tied with whom; empty where it concerns other methods."""
     price: str = ""
     """By how much a light without a partner weighs."""
 

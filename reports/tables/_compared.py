@@ -34,7 +34,7 @@ class Compared:
         note = standing_note(standing, self.verdicts[metric])
         notes = (note, *cell.notes) if note else cell.notes
         plot = interval_plot(standing, self.axes[metric])
-        return replace(self.bound(cell, metric, method), notes=notes, plot=plot)
+        return replace(self.bound(cell, metric, method), notes=notes, standing=note, plot=plot)
 
     def bound(self, cell: Cell, metric: str, method: str) -> Cell:
         """Return a cell of a mean with the ends of its interval, where that is known."""

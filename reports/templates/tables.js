@@ -68,14 +68,31 @@ function makeSortable(table) {
 }
 
 /**
- * A cell as it is copied: its text, what of that is no value, and the ends of its interval.
- * @typedef {{ text: string, best?: boolean, lacks?: string, low?: string, high?: string }} Copied
+ * A cell as it is copied: its text, what of that is no value, the ends of its interval, badges, and notes and words for its foot.
+ * @typedef {{ text: string, best?: boolean, lacks?: string, low?: string, high?: string, badges?: string[], notes?: string[], words?: string[] }} Copied
  */
 
 /** @param {HTMLTableCellElement} cell @returns {Copied} */
 function copied(cell) {
-  const lacks = [...cell.querySelectorAll(".lacks")].map((note) => note.textContent).join("; ");
-  return { text: textOf(cell), best: cell.classList.contains("best"), lacks, low: cell.dataset.low, high: cell.dataset.high };
+  const texts = (/** @type {string} */ selector) => [...cell.querySelectorAll(selector)].map((part) => part.textContent ?? "");
+  const words = /** @type {HTMLElement[]} */ ([...cell.querySelectorAll(".badge[title], abbr[title]")]).map((part) => `${part.textContent}: ${part.title}`);
+  return { text: textOf(cell), best: cell.classList.contains("best"), lacks: texts(".lacks").join("; "), low: cell.dataset.low, high: cell.dataset.high, badges: texts(".badge"), notes: texts(".foot"), words };
+}
+
+/** What a paper shows of a cell, and the lines below the table: marks with their notes, then words and the meaning of brackets.
+ * @param {Copied[][]} rows */
+function withFoot(rows) {
+  const cells = rows.flat();
+  const notes = [...new Set(cells.flatMap((cell) => cell.notes ?? []))];
+  const mark = (/** @type {string} */ note) => String.fromCharCode(97 + notes.indexOf(note) % 26).repeat(1 + Math.floor(notes.indexOf(note) / 26));
+  const words = new Set(cells.flatMap((cell) => cell.words ?? []));
+  if (cells.some((cell) => cell.low)) words.add("[low, high]: 95 % interval");
+  return {
+    name: (/** @type {Copied} */ { text, badges = [] }) => [text, badges.length ? `(${badges.join("; ")})` : ""].join(" ").trim(),
+    ends: (/** @type {Copied} */ { low, high }) => (low ? ` [${low}, ${high}]` : ""),
+    marks: (/** @type {Copied} */ { notes: own = [] }) => own.map(mark).join(", "),
+    feet: [...notes.map((note) => [mark(note), note]), ...[...words].map((word) => ["", word])],
+  };
 }
 
 /** Cells that are seen. @param {HTMLTableElement} table @returns {Copied[][]} */
@@ -101,14 +118,18 @@ function withIntervals(rows) {
 /** Text that no spreadsheet takes for a formula, as names may begin like one; numbers stay. @param {string} text */
 const inert = (text) => (/^[=+@]|^-(?![\d.\u221e][^=+@!|*/^&"'<>:]*$)/.test(text) ? `'${text}` : text);
 
-/** Markdown and LaTeX have what is seen, the best in bold; CSV has intervals as well.
+/** Markdown and LaTeX have what is seen, the best in bold and notes at the foot; CSV has the ends of intervals in columns.
  * @type {Record<string, (rows: Copied[][], caption: string) => string>} */
 const WRITERS = {
   markdown(rows) {
-    const safe = (/** @type {Copied} */ cell) => cell.text.replace(/[\\|<>*`[\]]/g, "\\$&");
-    const line = (/** @type {Copied[]} */ cells) => `| ${cells.map((cell) => (cell.best ? `**${safe(cell)}**` : safe(cell))).join(" | ")} |`;
+    const { name, ends, marks, feet } = withFoot(rows);
+    const safe = (/** @type {string} */ text) => text.replace(/[\\|<>*`[\]]/g, "\\$&");
+    const raised = (/** @type {string} */ text) => (text ? `<sup>${text}</sup>` : "");
+    const shown = (/** @type {Copied} */ cell) => (cell.best ? `**${safe(name(cell))}**` : safe(name(cell))) + safe(ends(cell)) + raised(marks(cell));
+    const line = (/** @type {Copied[]} */ cells) => `| ${cells.map(shown).join(" | ")} |`;
     const [head, ...body] = rows;
-    return [line(head), `| ${head.map(() => "---").join(" | ")} |`, ...body.map(line)].join("\n");
+    const table = [line(head), `| ${head.map(() => "---").join(" | ")} |`, ...body.map(line)].join("\n");
+    return [table, ...feet.map(([letter, note]) => `${raised(letter)} ${safe(note)}`.trim())].join("\n\n");
   },
   csv(rows) {
     const quoted = (/** @type {string} */ cell) => (/[",\n]/.test(cell) ? `"${cell.replace(/"/g, '""')}"` : cell);
@@ -116,11 +137,13 @@ const WRITERS = {
   },
   latex(rows, caption) {
     /** @type {Record<string, string>} */
-    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "σ": "$\\sigma$", "Δ": "$\\Delta$", "→": "$\\to$", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
-    const safe = (/** @type {Copied} */ { text }) => text.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²σΔ→<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
-    const shown = (/** @type {Copied} */ cell) => (cell.best ? `\\textbf{${safe(cell)}}` : safe(cell));
+    const letters = { "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\u2212": "$-$", "\u221e": "$\\infty$", "\u2013": "--", "°": "$^\\circ$", "×": "$\\times$", "≥": "$\\geq$", "≤": "$\\leq$", "±": "$\\pm$", "·": "$\\cdot$", "²": "$^2$", "σ": "$\\sigma$", "Δ": "$\\Delta$", "→": "$\\to$", "…": "\\ldots{}", "<": "\\textless{}", ">": "\\textgreater{}", "|": "\\textbar{}" };
+    const { name, ends, marks, feet } = withFoot(rows);
+    const safe = (/** @type {string} */ text) => text.replace(/[\\~^\u2212\u221e\u2013°×≥≤±·²σΔ→…<>|]|[&%$#_{}]/g, (letter) => letters[letter] ?? `\\${letter}`);
+    const raised = (/** @type {string} */ text) => (text ? `\\textsuperscript{${text}}` : "");
+    const shown = (/** @type {Copied} */ cell) => (cell.best ? `\\textbf{${safe(name(cell))}}` : safe(name(cell))) + safe(ends(cell)) + raised(marks(cell));
     const [head, ...body] = rows.map((cells) => `${cells.map(shown).join(" & ")} \\\\`);
-    return [`\\begin{tabular}{${rows[0].map((_, column) => (rows.slice(1).some((cells) => /^[A-Za-z]/.test(cells[column]?.text ?? "") && cells[column].text !== "failed") ? "l" : "r")).join("")}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}"].join("\n");
+    return [`\\begin{tabular}{${rows[0].map((_, column) => (rows.slice(1).some((cells) => /^[A-Za-z]/.test(cells[column]?.text ?? "") && cells[column].text !== "failed") ? "l" : "r")).join("")}}`, `% ${caption}`, "\\toprule", head, "\\midrule", ...body, "\\bottomrule", "\\end{tabular}", ...feet.map(([letter, note]) => `\\par{\\footnotesize ${`${raised(letter)} ${safe(note)}`.trim()}}`)].join("\n");
   },
 };
 

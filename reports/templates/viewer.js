@@ -239,10 +239,11 @@ class Viewer {
   /** @param {number} row @returns {Drawn | undefined} */
   errorDrawn(row) { return MEASURES[this.measure] ? this.computed()?.drawn.get(`${this.view} ${row}`) : this.drawnOf(this.errorOf(row)?.picture); }
 
-  /** @param {number} row */
+  /** What is said of a map: its mean, and what its colours span. @param {number} row */
   errorNote(row) {
-    const mean = this.computed()?.means.get(`${this.view} ${row}`);
-    return mean === undefined ? this.errorOf(row)?.note ?? "" : `mean ${mapNumber(mean)}`;
+    const [kept, mean] = [this.errorOf(row), this.computed()?.means.get(`${this.view} ${row}`)];
+    if (!kept?.picture || (MEASURES[this.measure] && mean === undefined)) return kept?.note ?? "";
+    return [mean === undefined ? kept.note : `mean ${mapNumber(mean)}`, `scale 0 to ${this.errorEnd()}`].filter(Boolean).join(", ");
   }
 
   /** @param {number} row */

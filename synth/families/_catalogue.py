@@ -13,6 +13,7 @@ from typing import Any
 
 from graycard import UnknownNameError
 from graycard.io import dumps, from_builtins, to_builtins
+from graycard.records import knob_text
 from graycard.synth._spec import SceneSpec, SecretSpec
 from graycard.synth.families._cluttered_lab import ClutteredLab
 from graycard.synth.families._corridor import Corridor
@@ -64,7 +65,7 @@ class Knob:
     name: str
     default: float | int | str
     allowed: str
-    """Its range or its words."""
+    """Its range with its unit, or its words."""
     meaning: str
 
 
@@ -72,14 +73,14 @@ def knobs(family: type[Family]) -> list[Knob]:
     """Return the knobs of a family, in the order in which they are defined."""
     meanings = _attribute_docstrings(family)
     fields: tuple[Any, ...] = dataclasses.fields(family)  # pyright: ignore[reportArgumentType] -- they are
-    return [Knob(f.name, f.default, _allowed(f.metadata), meanings.get(f.name, "")) for f in fields]
+    return [Knob(f.name, f.default, _allowed(f.name, f.metadata), meanings.get(f.name, "")) for f in fields]
 
 
-def _allowed(metadata: Mapping[str, Any]) -> str:
+def _allowed(name: str, metadata: Mapping[str, Any]) -> str:
     if "words" in metadata:
         return ", ".join(metadata["words"])
     low, high = metadata["range"]
-    return f"{low:g} to {high:g}"
+    return knob_text(name, f"{low:g} to {high:g}")
 
 
 def _attribute_docstrings(cls: type) -> dict[str, str]:
@@ -144,7 +145,7 @@ def describe(spec: SceneSpec) -> str:
     """
     title = family_of(spec).title
     changed = ", ".join(
-        f"{name.replace('_', ' ')} {value if isinstance(value, str) else format(value, 'g')}"
+        f"{name.replace('_', ' ')} {value if isinstance(value, str) else knob_text(name, format(value, 'g'))}"
         for name, value in sorted(spec.knobs.items())
     )
     tail = f"; {changed}" if changed else ""

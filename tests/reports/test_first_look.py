@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,6 +20,7 @@ from graycard.records import (
     read_comparison,
     read_run,
 )
+from graycard.records._run import read_record
 from graycard.reports import headline_ids, publish_run, write_site
 from runs_of_size import write_made_up
 
@@ -50,9 +52,20 @@ def test_the_first_look_is_another_sample(run: Path) -> None:
     assert compare_first_look(plain) == compare_run(plain)
 
 
-def test_a_page_made_anew_is_the_page_of_the_run(published: Path, tmp_path: Path) -> None:
+def test_a_page_made_anew_is_the_page_of_the_run(
+    published: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The record, which may be large, is read once."""
+    read: list[Path] = []
+
+    def counted(cls: type[Any], path: Path, *told: Any) -> Any:
+        read.append(path)
+        return read_record(cls, path, *told)
+
+    monkeypatch.setattr("graycard.records._run.read_record", counted)
     page = (published / "index.html").read_bytes()
     assert main(["report", str(published), "--out", str(tmp_path / "new.html")]) == 0
+    assert read == [published / "run.json"]
     assert (tmp_path / "new.html").read_bytes() == page
 
 

@@ -18,6 +18,10 @@ from graycard import open_predictions, open_truth, srgb_encode
 from graycard.io import write_json
 from graycard.records import Cost, JobResult
 from graycard.reports import write_report
+from graycard.reports._priors import PriorBadge
+from graycard.reports._templates import environment
+from graycard.reports.tables._cells import Cell
+from graycard.reports.tables._tables import MethodHead
 from report_pages import CHROMIUM, open_all, open_report
 from runs_of_size import write_made_up
 
@@ -51,6 +55,11 @@ COLOUR = """(canvas, [u, v]) => {
   return [...context.getImageData(0, 0, 1, 1).data];
 }"""
 SCENE = "track-1-scene-1"
+COPIED = """(row) => {
+  const table = document.createElement('table');
+  table.innerHTML = `<tr>${row}</tr>`;
+  return [...table.rows[0].cells].map(copied);
+}"""
 WITHOUT_DEPTH = """async (id) => {
   const { pictures } = JSON.parse(await inflate(await island('kept', id)));
   const tiles = pictures.gallery.views.flatMap((view) => view.rows).filter((row) => row.layer === 'depth')
@@ -194,6 +203,10 @@ def test_divider_shows_one_row_left_and_another_right(viewer: Locator) -> None:
     mouse.up()
     settle(viewer.page)
     assert viewer.locator(".divider").input_value() == "25"
+    dragged = pixel(viewer, 0, 10, 18)
+    viewer.locator(".reset").click()
+    assert pixel(viewer, 0, 10, 18) != dragged
+    assert viewer.locator(".divider").input_value() == "50"
 
 
 def test_value_under_the_pointer_is_that_of_the_files(viewer: Locator, tiny_run: Path) -> None:
@@ -332,6 +345,10 @@ def test_table_is_sorted_searched_copied_and_linked(browser: Browser, path: Path
         == table.locator("tr[data-row=retinex] td.best").count()
         > 0
     )
+    assert "<sup>a</sup> |" in copies["markdown"].splitlines()[2]
+    assert "\n<sup>a</sup> significance not computed, 1 scene\n" in copies["markdown"]
+    assert "\\par{\\footnotesize \\#: place among all methods with their own settings}" in copies["latex"]
+    assert "<sup>" not in copies["csv"]
     link = open_one.locator("a.permalink").get_attribute("href")
     page.close()
     again = open_report(browser, path, heard, (link or "")[1:])
@@ -466,14 +483,17 @@ def test_copies_are_safe_for_what_reads_them(browser: Browser, path: Path, heard
     assert heard == []
 
 
-def test_csv_has_the_ends_of_intervals_and_others_what_is_seen(
-    browser: Browser, path: Path, heard: list[str]
-) -> None:
+def test_copies_have_intervals_ties_and_priors(browser: Browser, path: Path, heard: list[str]) -> None:
     page = open_report(browser, path, heard)
+    tied = {"text": "2.50 (1 of 2 scored)", "lacks": "1 of 2 scored", "notes": ["tied with one", "ö & <p>"]}
     rows = [
         [{"text": "Method"}, {"text": "PSNR ↑ dB"}],
-        [{"text": "one"}, {"text": "3.50", "best": True, "low": "−1.25", "high": "4.00"}],
-        [{"text": "two"}, {"text": "2.50 (1 of 2 scored)", "lacks": "1 of 2 scored"}],
+        [
+            {"text": "one", "badges": ["reference", "priors: oracle 2"], "words": ["priors: oracle 2: told"]},
+            {"text": "3.50", "best": True, "low": "−1.25", "high": "4.00", "notes": ["tied with two"]},
+        ],
+        [{"text": "two"}, tied],
+        [{"text": "three"}, {"text": "2.40", "notes": ["tied with one"]}],
     ]
     written = {
         kind: page.evaluate(f"(rows) => WRITERS.{kind}(rows, 'x')", rows)
@@ -483,9 +503,49 @@ def test_csv_has_the_ends_of_intervals_and_others_what_is_seen(
         ["Method", "PSNR ↑ dB: value", "PSNR ↑ dB: low", "PSNR ↑ dB: high", "PSNR ↑ dB: note"],
         ["one", "3.50", "-1.25", "4.00", ""],
         ["two", "2.50", "", "", "1 of 2 scored"],
+        ["three", "2.40", "", "", ""],
     ]
-    assert written["markdown"].splitlines()[2:] == ["| one | **3.50** |", "| two | 2.50 (1 of 2 scored) |"]
-    assert "one & \\textbf{3.50} \\\\" in written["latex"]
+    assert written["markdown"].splitlines()[2:] == [
+        "| one (reference; priors: oracle 2) | **3.50** \\[−1.25, 4.00\\]<sup>a</sup> |",
+        "| two | 2.50 (1 of 2 scored)<sup>b, c</sup> |",
+        "| three | 2.40<sup>b</sup> |",
+        "", "<sup>a</sup> tied with two",
+        "", "<sup>b</sup> tied with one",
+        "", "<sup>c</sup> ö & \\<p\\>",
+        "", "priors: oracle 2: told",
+        "", "\\[low, high\\]: 95 % interval",
+    ]  # fmt: skip
+    body = written["latex"].split("\\midrule\n")[1].splitlines()
+    assert body[:2] == [
+        "one (reference; priors: oracle 2) & \\textbf{3.50} [$-$1.25, 4.00]\\textsuperscript{a} \\\\",
+        "two & 2.50 (1 of 2 scored)\\textsuperscript{b, c} \\\\",
+    ]
+    assert body[4:] == [
+        "\\end{tabular}",
+        "\\par{\\footnotesize \\textsuperscript{a} tied with two}",
+        "\\par{\\footnotesize \\textsuperscript{b} tied with one}",
+        "\\par{\\footnotesize \\textsuperscript{c} ö \\& \\textless{}p\\textgreater{}}",
+        "\\par{\\footnotesize priors: oracle 2: told}",
+        "\\par{\\footnotesize [low, high]: 95 \\% interval}",
+    ]
+    page.close()
+    assert heard == []
+
+
+def test_cells_are_copied_with_what_the_page_says_of_them(
+    browser: Browser, path: Path, heard: list[str]
+) -> None:
+    macros: Any = environment().get_template("macros.html.j2").module
+    head = MethodHead("goris", "A summary.", (), True, PriorBadge("oracle 2", "answers are made wrong"))
+    notes = ("tied with one", "1.00 by 1 missing light", "ceiling 9.00")
+    cell = Cell("scored", "3.50", 3.5, notes, interval=("3.00", "4.00"), standing=notes[0], unpaired=notes[1])
+    page = open_report(browser, path, heard)
+    copied = page.evaluate(COPIED, f"<th>{macros.method_name(head)}</th>{macros.cell(cell)}")
+    help_of = "priors: oracle 2: Told more than the photographs by priors: answers are made wrong"
+    assert (copied[0]["text"], copied[0]["badges"]) == ("goris", ["submitted", "priors: oracle 2"])
+    assert copied[0]["words"] == [help_of]
+    assert (copied[1]["text"], copied[1]["low"], copied[1]["high"]) == ("3.50", "3.00", "4.00")
+    assert copied[1]["notes"] == ["tied with one", "1.00 by 1 missing light"]
     page.close()
     assert heard == []
 
@@ -544,6 +604,7 @@ def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Loc
     assert re.fullmatch(r"≥ [\d.]+ % of the truth", end.text_content() or "")
     notes = viewer.locator(".tiles figure[data-row] .note").all_text_contents()
     assert len([note for note in notes if "mean " in note]) == 3
+    assert all(note.endswith(f", scale 0 to {end.text_content()}") for note in notes if "mean " in note)
     box = place_of(viewer.locator(".panes canvas").first)
     viewer.page.mouse.move(box["x"] + 14.5 / 28 * box["width"], box["y"] + 18.5 / 24 * box["height"])
     settle(viewer.page)
@@ -552,6 +613,8 @@ def test_a_map_has_one_scale_for_all_rows_and_is_read_by_the_pointer(viewer: Loc
     assert "measure=relative" in (viewer.locator("a.permalink").get_attribute("href") or "")
     viewer.get_by_role("tab", name="Normal, world axes").click()
     assert viewer.locator("select.measure option").all_text_contents() == ["Angle"]
+    kept = viewer.locator(".tiles figure[data-row=retinex] .note").text_content() or ""
+    assert re.search(r"scale 0 to ≥ [\d.]+ degrees$", kept)
 
 
 def test_a_part_that_is_damaged_says_so(

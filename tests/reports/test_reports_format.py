@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+import re
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,6 +14,8 @@ from graycard.reports._format import (
     format_seconds,
     format_value,
 )
+from graycard.reports.parts._render import Renderer
+from graycard.reports.site._runs import knobs_in_words
 
 
 @pytest.mark.parametrize(
@@ -66,3 +70,19 @@ def test_flatten_keeps_every_leaf_once() -> None:
         "a b c": "1, 2", "d 1 e": "none", "d 2 e": "none", "f g": "True",
     }  # fmt: skip
     assert flatten(3) == (("value", "3"),)
+
+
+def test_knobs_of_scenes_are_shown_with_their_units() -> None:
+    knobs = {"light_offset": 0.25, "light_cutoff": 38.0, "ambient": 0.02, "gloss": 0.5, "lamp": "spot"}
+    assert knobs_in_words(knobs) == (
+        "light offset 0.25 m, light cutoff 38 °, ambient 0.02 W/m²/sr, gloss 0.5, lamp spot"
+    )
+    settings = flatten({"family": "corridor", "knobs": knobs, "render": {"ambient": 3}})
+    section = SimpleNamespace(pictures=SimpleNamespace(settings=settings))
+    html = Renderer().part("scene.html.j2", "settings", section)
+    shown = re.findall("<dt>(.*?)</dt><dd>(.*?)</dd>", html)
+    assert shown == [
+        ("family", "corridor"), ("knobs light offset", "0.25 m"), ("knobs light cutoff", "38.0 °"),
+        ("knobs ambient", "0.02 W/m²/sr"), ("knobs gloss", "0.5"), ("knobs lamp", "spot"),
+        ("render ambient", "3"),
+    ]  # fmt: skip

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 from graycard import (
     Camera,
     EnvironmentLight,
+    Light,
     PointLight,
     RectangleLight,
     SphereLight,
@@ -19,6 +21,7 @@ from graycard import (
 from graycard.records import SceneRecord
 from graycard.reports._comparison import build_gallery
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene, usable_layer
+from graycard.reports.parts._render import Renderer
 from graycard.reports.plan._plan import SIZE, build_plan
 
 
@@ -259,6 +262,23 @@ def test_window_on_the_camera_turns_with_it(scene: SceneEvidence) -> None:
         first, second = (np.array([float(x) for x in p.split(",")]) for p in outline.split()[:2])
         edge = view.camera.camera_to_world[:3, :3] @ (0.0, 0.5, 0.0)
         np.testing.assert_allclose((first - second) / scale, edge[:2] * (1, -1), atol=0.01)
+
+
+def test_legend_names_the_marks_of_this_plan_and_no_others(scene: SceneEvidence) -> None:
+    def legend(*lights: Light, method: MethodEvidence) -> list[str]:
+        html = Renderer().part("plan.html.j2", "legend", build_plan(replace(scene, lights=lights), [method]))
+        return re.findall(r"</svg>(.*?)</li>", html)
+
+    panel = RectangleLight("panel", (0, 0, 1), (0.5, 0, 0), (0, 0.2, 0), (1, 1, 1))
+    always = ["test camera, blunt side forward", "training camera, blunt side forward", "height of a camera",
+              "surface that a test view sees"]  # fmt: skip
+    sky = MethodEvidence("sky <1>", lights=(EnvironmentLight("sky", "sky.exr"),))
+    assert legend(at(0, 0), method=sky) == ["true light", *always]
+    far = replace(sky, method="far <1>", lights=(at(0.2, 0.2), at(1e6, 0)))
+    assert legend(at(0, 0), panel, method=far) == [
+        "true light", "light of far &lt;1&gt;", "edge of a true light",
+        "from a predicted light to its true one", "faint: beyond the picture", *always,
+    ]  # fmt: skip
 
 
 def test_heights_are_in_proportion_and_say_what_is_beyond(scene: SceneEvidence) -> None:

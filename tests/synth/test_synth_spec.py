@@ -126,5 +126,5 @@ def test_the_description_is_one_line_with_seed_and_knobs() -> None:
         "A dark storage corridor, lit by a lamp beside the camera and a faintly glowing ceiling (seed 0)"
     )
     assert describe(SceneSpec("dark", "corridor", 2, {"light_offset": 0.4})).endswith(
-        "(seed 2; light offset 0.4)"
+        "(seed 2; light offset 0.4 m)"
     )

@@ -16,6 +16,8 @@ from graycard.records._history import LedgerEntry as LedgerEntry
 from graycard.records._history import PaperEntry as PaperEntry
 from graycard.records._history import VerdictHistory as VerdictHistory
 from graycard.records._history import read_history as read_history
+from graycard.records._knobs import KNOB_UNITS as KNOB_UNITS
+from graycard.records._knobs import knob_text as knob_text
 from graycard.records._ledger import CLAIMS as CLAIMS
 from graycard.records._ledger import Asker as Asker
 from graycard.records._ledger import Budget as Budget

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from graycard import Camera, EnvironmentLight, RectangleLight, SphereLight, SpotLight
+from graycard.records import KNOB_UNITS
 from graycard.synth import (
     Conductor,
     Glossy,
@@ -15,6 +16,7 @@ from graycard.synth import (
     Texture,
     all_families,
     family_of,
+    knobs,
 )
 from graycard.synth._mesh import Mesh
 from graycard.synth._stream import stream
@@ -36,6 +38,15 @@ def fingerprint(scene: Scene) -> list[object]:
         parts.append(shape.vertices.tobytes() if isinstance(shape, Mesh) else shape)
         parts.append(color.pixels.tobytes() if isinstance(color, Texture) else color)
     return [*parts, None if scene.sky is None else scene.sky.tobytes()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_knob_has_the_unit_that_its_meaning_says(name: str) -> None:
+    words = {"metres": "m", "degrees": "°", "W/m²/sr": "W/m²/sr"}
+    for knob in knobs(all_families()[name]):
+        said = [unit for word, unit in words.items() if f", {word}" in knob.meaning]
+        assert [KNOB_UNITS.get(knob.name, "")] == (said or [""])
+        assert not said or knob.allowed.endswith(f" {said[0]}")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -84,15 +84,18 @@ class ReportCommand:
         from graycard.eval.statistics import compare_first_look
         from graycard.reports import is_published, write_report
 
-        comparison = None
+        record = comparison = None
         if is_published(self.run_folder):
             if self.out is None:
                 raise OutputError(
                     f"expected --out FILE with {self.run_folder}, got none: what is published stays as it is"
                 )
-            comparison = compare_first_look(read_run(self.run_folder))
+            record = read_run(self.run_folder)
+            comparison = compare_first_look(record)
         try:
-            return write_report(self.run_folder, out=self.out, one_file=self.one_file, comparison=comparison)
+            return write_report(
+                self.run_folder, out=self.out, one_file=self.one_file, comparison=comparison, record=record
+            )
         except OutputError as cause:
             if self.out is not None:
                 raise
