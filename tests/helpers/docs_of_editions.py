@@ -13,10 +13,10 @@ from graycard.reports.history._keep import OWN
 
 SECOND = OWN / "second"
 ENDING = "-sealed"
-"""What a folder of the second edition has behind the name of its first edition's."""
+"""Ending of a folder of the second edition, behind the name that the first one has."""
 HELD_BACK = ("undecided", "open")
 AGREE = 0.9
-"""Share of refits from which a verdict counts as stable."""
+"""Share of refits from which a verdict is stable."""
 
 
 def folders_of_second() -> list[Path]:
