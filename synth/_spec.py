@@ -13,6 +13,9 @@ from graycard.io import IN_MEMORY, Name
 GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
+NEEDED_VERSION = 2
+"""Raised whenever files of scenes with ``training_layers = "needed"`` hold other layers, and no others do."""
+
 SUB_BUFFERS = 4
 """A radiance is the mean of this many independent images, and its variance is found from their spread."""
 

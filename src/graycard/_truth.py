@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Truth of a scene: the true layers of each view, the lights, and pictures under other lights."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from graycard._capture import View, file_of, find_view, of_size
 from graycard._errors import DatasetError
 from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard.io import IN_MEMORY, Label, Name, from_builtins, read_json, read_layers, read_rgb
+from graycard.layers import with_geometry
 from graycard.lights import EnvironmentLight, Light, check_finite, read_lights
 
 
@@ -58,11 +60,14 @@ class Truth:
     def layers(self, view: View) -> dict[str, np.ndarray]:
         """All true layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
 
+        Where the file has a depth and no ``distance`` or ``position``, these are made from it.
+
         Raises:
             DatasetError: The file is missing, broken or of another size than the camera. Later: a layer is
                 asked for that it has not.
         """
-        return _true_layers(file_of(self.root, f"views/{view.name}.exr"), view)
+        path = file_of(self.root, f"views/{view.name}.exr")
+        return _named(with_geometry(_true_layers(path, view), view.camera), path)
 
     def lights(self) -> tuple[Light, ...]:
         """Return the exact lights.
@@ -148,9 +153,14 @@ class _TrueLayers(dict[str, np.ndarray]):
 
 
 def _true_layers(path: Path, view: View) -> dict[str, np.ndarray]:
-    found = _TrueLayers(read_layers(path))
-    found.path = path
+    found = read_layers(path)
     of_size(next(iter(found.values())), view, path)
+    return _named(found, path)
+
+
+def _named(layers: Mapping[str, np.ndarray], path: Path) -> _TrueLayers:
+    found = _TrueLayers(layers)
+    found.path = path
     return found
 
 

@@ -9,8 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from graycard.io import to_builtins
-from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
+from graycard.synth._spec import GENERATOR_VERSION, NEEDED_VERSION, RenderSettings, SceneSpec
 from graycard.synth.families import default_knobs, resolved_knobs
+
+NEEDED = "needed_layers"
+"""Name of the version of scenes whose training views hold no more than is needed; of others there is none."""
 
 _OPEN = ("knobs", "render")
 """Parts of an identity that may gain members."""
@@ -18,16 +21,17 @@ _OPEN = ("knobs", "render")
 
 def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
     """Return everything that decides what a scene's files hold, but for the renderer's variant."""
-    return to_builtins(
-        {
-            "generator": GENERATOR_VERSION,
-            "track": spec.track,
-            "family": spec.family,
-            "seed": spec.seed,
-            "knobs": resolved_knobs(spec),
-            "render": settings,
-        }
-    )
+    made_from: dict[str, Any] = {
+        "generator": GENERATOR_VERSION,
+        "track": spec.track,
+        "family": spec.family,
+        "seed": spec.seed,
+        "knobs": resolved_knobs(spec),
+        "render": settings,
+    }
+    if settings.training_layers == "needed":
+        made_from[NEEDED] = NEEDED_VERSION
+    return to_builtins(made_from)
 
 
 def with_defaults(found: Mapping[str, Any], spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:

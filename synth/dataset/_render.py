@@ -23,7 +23,7 @@ from graycard.io import (
 )
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
-from graycard.synth.dataset._identity import differences, identity
+from graycard.synth.dataset._identity import NEEDED, differences, identity
 from graycard.synth.dataset._renderings import (
     Content,
     content_of,
@@ -246,6 +246,7 @@ def _found_identity(place: Place) -> dict[str, Any] | None:
         "seed": manifest.seeds.get("scene"),
         "knobs": manifest.settings.get("knobs"),
         "render": manifest.settings.get("render"),
+        NEEDED: manifest.settings.get(NEEDED),
         "variant": manifest.generator.get("variant"),
     }
 

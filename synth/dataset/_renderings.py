@@ -5,7 +5,7 @@ Everything else in a scene folder follows from these files. Mitsuba is imported 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -34,6 +34,8 @@ class Rendering:
     """Relative to the truth folder."""
     make: Callable[[], Sequence[Layers]]
     """The layers of each of the files."""
+    dense: bool = False
+    """True where few bytes count for more than that old programs read the files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,8 @@ def renderings(content: Content, seed: int, settings: RenderSettings, variant: s
     others = [edit for edit in content.edits if edit not in sums]
     views = [_of_view(scene, number, seed, settings, sums) for number in range(len(scene.views))]
     composed = [] if content.composed is None else _of_composition(content.composed.scene, seed, settings)
-    return [*views, *_of_edits(scene, others, seed, settings), *composed]
+    found = [*views, *_of_edits(scene, others, seed, settings), *composed]
+    return [replace(rendering, dense=settings.training_layers == "needed") for rendering in found]
 
 
 def missing(wanted: Sequence[Rendering], truth: Path) -> list[tuple[int, Rendering]]:
@@ -83,7 +86,7 @@ def write_missing(rendering: Rendering, truth: Path) -> None:
     absent = [not (truth / name).exists() for name in rendering.files]
     for name, layers, is_absent in zip(rendering.files, rendering.make(), absent, strict=True):
         if is_absent:
-            write_layers(truth / name, layers)
+            write_layers(truth / name, layers, dense=rendering.dense)
 
 
 def write_aside(rendering: Rendering, truth: Path, aside: Path, is_wanted: Callable[[], bool]) -> None:
@@ -100,7 +103,7 @@ def write_aside(rendering: Rendering, truth: Path, aside: Path, is_wanted: Calla
     """
     try:
         for name, layers in zip(rendering.files, rendering.make(), strict=True):
-            write_layers(aside / name, layers)
+            write_layers(aside / name, layers, dense=rendering.dense)
             if is_wanted() and not (truth / name).exists():
                 move(aside / name, truth / name)
     except OutputError:

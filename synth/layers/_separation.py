@@ -68,17 +68,28 @@ def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
         images: Shape ``(images, H, W, 3)``, an even number.
 
     Returns:
-        The mean ``<name>``; ``<name>.var``, the unbiased variance of this mean, ``Var(images) / n``, whatever
-        the sampler does inside one image; and ``<name>.half_a``, ``<name>.half_b``, the means of either half.
+        Those of :func:`mean_and_variance`, and ``<name>.half_a`` and ``<name>.half_b``, the means of either
+        half.
     """
     half = len(images) // 2
-    layers = {
-        name: images.mean(axis=0),
-        f"{name}.var": images.var(axis=0, ddof=1) / len(images),
-        f"{name}.half_a": images[:half].mean(axis=0),
-        f"{name}.half_b": images[half:].mean(axis=0),
-    }
-    return {name: values.astype(np.float32) for name, values in layers.items()}
+    halves = {"half_a": images[:half].mean(axis=0), "half_b": images[half:].mean(axis=0)}
+    named = {f"{name}.{end}": values.astype(np.float32) for end, values in halves.items()}
+    return mean_and_variance(name, images) | named
+
+
+def mean_and_variance(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the mean of images as a layer, and how well it is known.
+
+    Args:
+        name: Of the layer.
+        images: Shape ``(images, H, W, 3)``.
+
+    Returns:
+        The mean ``<name>``, and ``<name>.var``, the unbiased variance of this mean, ``Var(images) / n``,
+        whatever the sampler does inside one image; each ``(H, W, 3)``, float32.
+    """
+    variance = images.var(axis=0, ddof=1) / len(images)
+    return {name: images.mean(axis=0).astype(np.float32), f"{name}.var": variance.astype(np.float32)}
 
 
 def part_names(loaded: mi.Scene, scene: Scene) -> list[str]:

@@ -18,6 +18,7 @@ from graycard.synth.layers._purity import pure_pixels
 from graycard.synth.layers._separation import (
     estimate,
     lobe_light,
+    mean_and_variance,
     named_layers,
     part_names,
     separated_images,
@@ -33,6 +34,12 @@ _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 
 _TRAINING_DIRECTIONS = 64
 """Directions for the albedo of a training view: gauges are means over many pixels."""
+
+_OF_DEPTH = ("distance", "position")
+"""Layers that whoever reads a view has from its depth and camera."""
+
+_EMPTIED_TRAINING = ("radiance", "diffuse", *_EMPTIED_SURFACE)
+"""Layers without the target that priors are asked for."""
 
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
@@ -84,7 +91,10 @@ def render_training_view(
     """Return what methods, gauges and priors need of a training view; a pure function of its arguments.
 
     Its values are those of :func:`render_view`, but that fewer directions tell the albedo. Light is not split
-    by source, so that neither parts, nor irradiance, visibility or effects of the target are there.
+    by source, so that neither parts, nor irradiance, visibility or effects of the target are there. Nor are
+    halves, which ceilings of held-out views need, what follows from the depth
+    (:func:`graycard.layers.with_geometry`), or the variance and the specular light of the scene without its
+    target.
 
     Args:
         scene: What is there.
@@ -98,15 +108,18 @@ def render_training_view(
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    layers = estimate("radiance", picture_images(whole, camera, seeds, settings))
-    layers |= surface_layers(whole, scene, camera)
+    layers = mean_and_variance("radiance", picture_images(whole, camera, seeds, settings))
+    surfaces = surface_layers(whole, scene, camera)
+    layers |= {name: values for name, values in surfaces.items() if name not in _OF_DEPTH}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         of_albedo = _seed_of(seed, number, _CENTRE_SEEDS[0])
         layers |= directional_albedo(whole, camera, of_albedo, _TRAINING_DIRECTIONS)
     if scene.target:
         without = load_scene(scene, camera, scene.target)
-        layers |= _emptied_layers(light_images(without, camera, seeds, settings), without, scene, camera)
+        emptied = _emptied_layers(light_images(without, camera, seeds, settings), without, scene, camera)
+        kept = [f"counterfactual.{name}" for name in _EMPTIED_TRAINING]
+        layers |= {name: emptied[name] for name in kept if name in emptied}
     return layers
 
 

@@ -9,13 +9,16 @@ import numpy as np
 
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._statistics import (
+    CONTRASTS,
     bound_of,
     contrast_share,
     difference,
     gain_of,
     gain_weights,
     shift_weights,
+    spread_share,
     tiles,
+    variance_share,
     z_of,
     z_of_shares,
 )
@@ -30,6 +33,8 @@ class Pair:
     again: np.ndarray
     halves: tuple[np.ndarray, ...] = ()
     """Two of the stored picture, then two of the other; empty where there are none."""
+    variances: tuple[np.ndarray, ...] = ()
+    """Variance of either picture; empty where halves tell more, or where it is not known."""
 
     @cached_property
     def apart(self) -> np.ndarray:
@@ -54,7 +59,10 @@ def compare(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
         yield _check_tiles(name, pair, len(pairs))
         yield _check_place(name, pair, len(pairs))
         if pair.halves:
-            yield _check_pattern(name, pair, len(pairs))
+            share = contrast_share(pair.halves)
+            yield _check_pattern(name, pair, share, 1 / 3, len(pairs))
+        elif pair.variances:
+            yield from _check_spread(name, pair, len(pairs))
     yield from _check_level(name, pairs, at)
 
 
@@ -112,13 +120,24 @@ def _check_place(name: str, pair: Pair, views: int) -> Check:
     return pair.at.judge(f"{name}: place", z, bound_of(2 * views), "σ", told)
 
 
-def _check_pattern(name: str, pair: Pair, views: int) -> Check:
-    """Tile by tile, whether the pictures are farther apart than their own halves are."""
-    share = contrast_share(pair.halves)
+def _check_spread(name: str, pair: Pair, views: int) -> Iterator[Check]:
+    """Check a picture without halves: its variance, and by it how far an independent picture is off."""
+    means = pair.stored, pair.again
+    yield _check_pattern(name, pair, spread_share(means, pair.variances), 1 / CONTRASTS, views)
+    told = "the variance of the mean is that of an independent rendering; looks like that of single images"
+    z = z_of_shares(variance_share(means, pair.variances), 1 / 2)
+    yield pair.at.judge(f"{name}: variance", z, bound_of(views), "σ", told)
+
+
+def _check_pattern(name: str, pair: Pair, share: np.ndarray, expected: float, views: int) -> Check:
+    """Tile by tile, whether the pictures are farther apart than their own images are.
+
+    ``share`` is that of their difference in the spread of all images, ``(H, W)``, and ``expected`` its mean.
+    """
     parts = tiles(*share.shape)
-    z, part = max(((z_of_shares(share[part], 1 / 3), part) for part in parts), key=lambda one: one[0])
+    z, part = max(((z_of_shares(share[part], expected), part) for part in parts), key=lambda one: one[0])
     told = (
-        f"the picture and an independent one are as far apart as their halves; rows {part[0].start} to "
+        f"the picture and an independent one are as far apart as their images; rows {part[0].start} to "
         f"{part[0].stop}, columns {part[1].start} to {part[1].stop} show something else"
     )
     return pair.at.judge(f"{name}: pattern", z, bound_of(views * len(parts)), "σ", told)

@@ -80,10 +80,14 @@ def check_rendered(
 
 
 def _pair(picture: TruePicture, name: str, again: dict[str, np.ndarray]) -> Pair:
-    """Return a stored picture and the same one rendered again, with their halves."""
-    ends = ("half_a", "half_b")
-    halves = [picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends]
-    return Pair(picture.at, picture.layers[name], again["radiance"], tuple(halves))
+    """Return a stored picture and the same one rendered again, with their halves, or else variances."""
+    halves, variances = (
+        tuple([picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends])
+        if picture.has(*(f"{name}.{end}" for end in ends))
+        else ()
+        for ends in (("half_a", "half_b"), ("var",))
+    )
+    return Pair(picture.at, picture.layers[name], again["radiance"], halves, () if halves else variances)
 
 
 def _middle_split(pictures: Sequence[TruePicture]) -> TruePicture:

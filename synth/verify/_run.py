@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """All checks of all scenes of a dataset."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -175,8 +175,18 @@ def _check_rendering(
     use_renderer()
     from graycard.synth.verify._rendered import check_rendered  # Mitsuba: not before its variant is chosen
 
-    chosen = np.unique(np.linspace(0, len(sound) - 1, min(views, len(sound))).round().astype(int))
-    yield from check_rendered(subject, rebuilt, [subject.picture(sound[k]) for k in chosen])
+    chosen = _chosen(sound, [n for n in sound if subject.is_split(subject.truth.views[n])], views)
+    yield from check_rendered(subject, rebuilt, [subject.picture(number) for number in chosen])
+
+
+def _chosen(sound: Sequence[int], split: Sequence[int], views: int) -> list[int]:
+    """Return so many of the sound views, evenly; the middle one is of those whose light is told apart."""
+    places = np.unique(np.linspace(0, len(sound) - 1, min(views, len(sound))).round().astype(int))
+    chosen = [sound[place] for place in places]
+    if split and not {*chosen} & {*split}:
+        middle = len(chosen) // 2
+        chosen[middle] = min(split, key=lambda number: abs(number - chosen[middle]))
+    return sorted(chosen)
 
 
 def _is_alike(subject: Subject, rebuilt: Rebuilt) -> bool:

@@ -44,7 +44,8 @@ def radiance_again(
         scene: Instead of the scene itself.
 
     Returns:
-        ``radiance``, ``radiance.half_a`` and ``radiance.half_b``, each ``(H, W, 3)``, float32.
+        ``radiance``, ``radiance.var``, ``radiance.half_a`` and ``radiance.half_b``, each ``(H, W, 3)``,
+        float32.
     """
     scene = scene or rebuilt.scene
     return _picture(load_scene(scene, scene.views[number].camera), rebuilt, number, subject)
@@ -78,9 +79,9 @@ def effects_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.n
 
 
 def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
-    camera = rebuilt.scene.views[number].camera
-    seeds = _seeds(rebuilt, number, subject)
-    return estimate("radiance", radiance_images(loaded, camera, seeds, rebuilt.settings))
+    view, seeds = rebuilt.scene.views[number], _seeds(rebuilt, number, subject)
+    settings = rebuilt.settings.for_split(view.split)
+    return estimate("radiance", radiance_images(loaded, view.camera, seeds, settings))
 
 
 def _seeds(rebuilt: Rebuilt, number: int, subject: int) -> list[int]:

@@ -18,6 +18,8 @@ from itertools import pairwise
 import numpy as np
 from scipy import ndimage
 
+from graycard.synth._spec import SUB_BUFFERS
+
 FALSE_ALARM = 1e-4
 """Rate: how often a faultless scene fails any of its statistical checks, at most."""
 
@@ -26,6 +28,9 @@ FAMILIES = 20
 
 TILE = 16
 """Least side of a tile, pixels: of n pixels ``|z|`` is at most sqrt(n), which must exceed the bound."""
+
+CONTRASTS = 2 * SUB_BUFFERS - 1
+"""Independent comparisons among the images of two pictures."""
 
 _SMOOTHING = 5
 """Side of the square over which ``d²`` is averaged into a local variance, pixels."""
@@ -97,6 +102,43 @@ def contrast_share(halves: Sequence[np.ndarray]) -> np.ndarray:
     return np.where(
         noisy, (between / np.where(between + others > 0, between + others, 1)).mean(axis=-1), np.nan
     )
+
+
+def spread_share(means: Sequence[np.ndarray], variances: Sequence[np.ndarray]) -> np.ndarray:
+    """Share of two pictures' difference in the spread of all images that they are means of.
+
+    Eight independent images of one distribution have :data:`CONTRASTS` orthogonal contrasts, so the share of
+    one is in [0, 1] with the mean 1 / :data:`CONTRASTS`. The sum of squares of a picture's n images is
+    n (n - 1) times the variance of their mean, and that between both pictures is n / 2 times the square.
+
+    Args:
+        means: Both pictures, each ``(H, W, C)``.
+        variances: Those of both means, likewise.
+
+    Returns:
+        Mean over the channels, shape ``(H, W)``; NaN where there is no spread.
+    """
+    a, b = (np.asarray(mean, dtype=np.float64) for mean in means)
+    within = 2 * (SUB_BUFFERS - 1) * np.sum(variances, axis=0, dtype=np.float64)
+    noisy = (within > (_ROUNDING * (a + b)) ** 2).all(axis=-1)
+    square = (a - b) ** 2
+    return np.where(noisy, (square / np.where(within > 0, square + within, 1)).mean(axis=-1), np.nan)
+
+
+def variance_share(means: Sequence[np.ndarray], variances: Sequence[np.ndarray]) -> np.ndarray:
+    """Share of the first of two estimated variances in their sum: of one quantity its mean is 1/2.
+
+    Args:
+        means: As of :func:`spread_share`.
+        variances: As there.
+
+    Returns:
+        Mean over the channels, shape ``(H, W)``; NaN where there is no spread.
+    """
+    one, other = (np.asarray(variance, dtype=np.float64) for variance in variances)
+    whole, level = one + other, np.sum(means, axis=0, dtype=np.float64)
+    noisy = (whole > (_ROUNDING * level) ** 2).all(axis=-1)
+    return np.where(noisy, (one / np.where(whole > 0, whole, 1)).mean(axis=-1), np.nan)
 
 
 def z_of_shares(shares: np.ndarray, expected: float) -> float:

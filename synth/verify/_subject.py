@@ -91,9 +91,13 @@ class Subject:
 
     def is_split(self, view: View) -> bool:
         """Tell whether a view holds the parts of its light; a training view may be made without."""
+        return self.is_separated and not self.is_reduced(view)
+
+    def is_reduced(self, view: View) -> bool:
+        """Tell whether a view is a training view that holds no more than is needed of it."""
         render = self.manifest.settings.get("render")
         asked = render.get("training_layers") if isinstance(render, Mapping) else None
-        return self.is_separated and not (view.split == "train" and asked == "needed")
+        return view.split == "train" and asked == "needed"
 
     def pictures(self) -> Iterator[TruePicture]:
         """Yield the views one after another, so that one at a time is in memory."""

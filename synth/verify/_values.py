@@ -10,7 +10,8 @@ from graycard.layers import LOBES, find_fault
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Subject, TruePicture
 
-ESTIMATES = ("radiance", "radiance.var", "radiance.half_a", "radiance.half_b")
+HALVES = ("radiance.half_a", "radiance.half_b")
+ESTIMATES = ("radiance", "radiance.var", *HALVES)
 SURFACE = (
     "base_color",
     "diffuse_reflectance",
@@ -34,6 +35,9 @@ SEPARATED = ("emitted", "shading", "shading.var")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
 
+_NOT_NEEDED = {*HALVES, *COUNTERFACTUAL[1:], EMPTIED_LOBES[1]}
+"""Layers that training views lack which hold no more than is needed."""
+
 HALF_SHARE = 0.1
 """Share of different values that half precision represents exactly, above which a layer was stored in it. By
 chance one value in 8192 is, and coordinates of planes such as z = 0.75 are: in whole scenes 0.01 at most."""
@@ -49,7 +53,10 @@ _UNIT_RANGE = {"normal": (-1.0, 1.0), "counterfactual.normal": (-1.0, 1.0), "alb
 
 
 def expected_layers(subject: Subject, view: View) -> set[str]:
-    """Return the names of all layers that a view of a scene holds."""
+    """Return the names of all layers that are known of a view of a scene.
+
+    ``distance`` and ``position`` may be in its file, or follow from its depth.
+    """
     split, separated = subject.is_split(view), subject.is_separated
     names = {*ESTIMATES, *SURFACE, *({"albedo"} if separated else ())}
     if split:
@@ -57,7 +64,7 @@ def expected_layers(subject: Subject, view: View) -> set[str]:
     if subject.truth.target is not None:
         names |= {*COUNTERFACTUAL, *EMPTIED_SURFACE, *(EMPTIED_LOBES if separated else ())}
         names |= {*EFFECTS} if split else set()
-    return names
+    return names - _NOT_NEEDED if subject.is_reduced(view) else names
 
 
 def check_values(subject: Subject, picture: TruePicture) -> Iterator[Check]:

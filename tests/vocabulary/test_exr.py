@@ -28,13 +28,35 @@ def arrays() -> dict[str, np.ndarray]:
     }
 
 
-def test_round_trip_is_exact(tmp_path: Path, arrays: dict[str, np.ndarray]):
-    write_layers(tmp_path / "a.exr", arrays)
+@pytest.mark.parametrize("dense", [False, True])
+def test_round_trip_is_exact(tmp_path: Path, arrays: dict[str, np.ndarray], dense: bool):
+    write_layers(tmp_path / "a.exr", arrays, dense=dense)
     back = read_layers(tmp_path / "a.exr")
     assert back.keys() == arrays.keys()
     for name, values in arrays.items():
         assert back[name].dtype == values.dtype
         assert np.array_equal(back[name], values)
+
+
+def test_dense_files_are_small_and_keep_each_bit(tmp_path: Path):
+    """Noise, layers that repeat others far away, and a small picture: each has its own best compression."""
+    noise = rng.integers(0, 2**32, (64, 48, 3), dtype=np.uint32).view(np.float32)
+    light = np.exp(rng.normal(0, 1e-3, noise.shape)).astype(np.float32)
+    alike = dict.fromkeys(("albedo", "base_color", "diffuse_reflectance", "f0"), noise)
+    cases = {
+        "HTJ2K256_COMPRESSION": {"radiance": light},
+        "ZSTD_COMPRESSION": {**alike, "radiance": light, "normal": light[::-1], "shading": light[:, ::-1]},
+        "ZIP_COMPRESSION": {"base_color": noise, "f0": noise},
+    }
+    for kind, layers in cases.items():
+        write_layers(tmp_path / "plain.exr", layers)
+        write_layers(tmp_path / "dense.exr", layers, dense=True)
+        plain, dense = ((tmp_path / f"{name}.exr").stat().st_size for name in ("plain", "dense"))
+        assert dense <= plain if kind == "ZIP_COMPRESSION" else dense < 0.8 * plain
+        for name, values in read_layers(tmp_path / "dense.exr").items():
+            assert np.array_equal(values.view(np.uint32), layers[name].view(np.uint32))
+        with OpenEXR.File(str(tmp_path / "dense.exr"), header_only=True) as file:
+            assert file.header()["compression"] == getattr(OpenEXR, kind)
 
 
 def test_strided_views_are_written_right(tmp_path: Path):

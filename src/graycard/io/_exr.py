@@ -27,8 +27,16 @@ _ALIKE = 0.6
 """Likeness from which an unknown name counts as misspelt: the default of difflib."""
 
 
+_DENSE = (OpenEXR.ZIP_COMPRESSION, OpenEXR.HTJ2K256_COMPRESSION, OpenEXR.ZSTD_COMPRESSION)
+"""Lossless kinds: the second is good at noise, the third at what layers far apart have in common."""
+
+
 def write_layers(
-    path: Path, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any] | None = None
+    path: Path,
+    arrays: Mapping[str, np.ndarray],
+    metadata: Mapping[str, Any] | None = None,
+    *,
+    dense: bool = False,
 ) -> None:
     """Write layers into one EXR file, channels ``<layer>.<suffix>``.
 
@@ -36,6 +44,8 @@ def write_layers(
         path: The file.
         arrays: By layer name, each of shape ``(H, W)`` or ``(H, W, 3)``.
         metadata: JSON data, kept in the header attribute ``graycard``.
+        dense: Compress by ZIP, HTJ2K or ZSTD, whichever gives the smallest file, instead of by ZIP. No bit
+            is lost, and programs need OpenEXR 3.5 to read it.
 
     Raises:
         UnknownNameError: A layer is not in the vocabulary.
@@ -49,7 +59,8 @@ def write_layers(
     if len({plane.shape for plane in channels.values()}) != 1:
         sizes = {name: values.shape for name, values in arrays.items()}
         raise ValueError(f"expected one or more layers of one size, got {sizes}")
-    _write(path, channels, {"graycard": json.dumps(dict(metadata))} if metadata else {})
+    attributes = {"graycard": json.dumps(dict(metadata))} if metadata else {}
+    _write(path, channels, attributes, _DENSE if dense else (OpenEXR.ZIP_COMPRESSION,))
 
 
 def read_layers(path: Path, error: type[GraycardError] = DatasetError) -> dict[str, np.ndarray]:
@@ -170,7 +181,7 @@ def write_rgb(path: Path, values: np.ndarray, *, quick: bool = False) -> None:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     kind = OpenEXR.PIZ_COMPRESSION if quick else OpenEXR.ZIP_COMPRESSION
-    _write(path, _planes(find_layer("radiance"), values), {"compression": kind})
+    _write(path, _planes(find_layer("radiance"), values), {}, (kind,))
 
 
 def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarray:
@@ -210,21 +221,28 @@ def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, Any]) -> None:
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "chromaticities": REC709,
-        **attributes,
-    }
+def _write(
+    path: Path, channels: dict[str, np.ndarray], attributes: dict[str, Any], kinds: Sequence[Any]
+) -> None:
+    """Write the file with that kind of compression which makes it smallest."""
+    header = {"type": OpenEXR.scanlineimage, "chromaticities": REC709, **attributes}
     with atomic_path(path) as partial:
+        sizes = {}
         try:
-            OpenEXR.File(header, channels).write(str(partial))
+            for kind in kinds:
+                _write_as(kind, partial, header, channels)
+                sizes[kind] = partial.stat().st_size
+            if (best := min(kinds, key=lambda kind: sizes[kind])) != kinds[-1]:
+                _write_as(best, partial, header, channels)
         except RuntimeError as cause:
             raise OutputError(
                 f"{path} was not written: {cause} ({free_mib(path):.1f} MiB free). Free some space or choose "
                 "another output folder; the same command then goes on where it stopped"
             ) from cause
+
+
+def _write_as(kind: Any, path: Path, header: Mapping[str, Any], channels: Mapping[str, np.ndarray]) -> None:
+    OpenEXR.File({"compression": kind, **header}, dict(channels)).write(str(path))
 
 
 def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:

@@ -4,6 +4,7 @@
 from graycard.layers._derived import GLOSSY_ROUGHNESS as GLOSSY_ROUGHNESS
 from graycard.layers._derived import glossy_mask as glossy_mask
 from graycard.layers._derived import with_derived as with_derived
+from graycard.layers._derived import with_geometry as with_geometry
 from graycard.layers._layer import Layer as Layer
 from graycard.layers._layer import all_layers as all_layers
 from graycard.layers._layer import find_codes as find_codes

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from graycard._camera import Camera
 from graycard.layers._shares import with_sums
 
 GLOSSY_ROUGHNESS = 0.5
@@ -25,6 +26,25 @@ def with_derived(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "glossy" in layers or len(needed) < 3 or len({values.shape[:2] for values in needed}) > 1:
         return found
     return found | {"glossy": glossy_mask(*needed)}
+
+
+def with_geometry(layers: Mapping[str, np.ndarray], camera: Camera) -> dict[str, np.ndarray]:
+    """Return the layers of a view with ``distance`` and ``position``, which follow from ``depth`` and camera.
+
+    They are left out without ``depth``, and stay where they are there already.
+
+    Args:
+        layers: By name, each ``(H, W)`` or ``(H, W, 3)``, of the size of the camera.
+        camera: That of the view.
+    """
+    if "depth" not in layers or {"distance", "position"} <= layers.keys():
+        return dict(layers)
+    depth = layers["depth"].astype(np.float64)
+    seen = np.isfinite(depth)
+    position = camera.unproject(np.where(seen, depth, 0))
+    distance = np.where(seen, np.linalg.norm(position - camera.position, axis=-1), depth)
+    position = np.where(seen[..., None], position, 0)
+    return {"distance": distance.astype(np.float32), "position": position.astype(np.float32), **layers}
 
 
 def glossy_mask(object_id: np.ndarray, roughness: np.ndarray, f0: np.ndarray) -> np.ndarray:

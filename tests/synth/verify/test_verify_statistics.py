@@ -106,6 +106,40 @@ def test_the_share_of_a_contrast_is_one_where_pictures_differ():
     assert np.isnan(statistics.contrast_share([a, a, a, a])).all()
 
 
+def estimated(rng: np.random.Generator, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and variance of the mean of four images with skewed noise."""
+    images = level * np.exp(rng.normal(0, 0.5, (4, *level.shape)))
+    return images.mean(axis=0), images.var(axis=0, ddof=1) / 4
+
+
+def spread_checks(gain: np.ndarray | float, of_variance: float) -> dict[str, float]:
+    """Strains of a picture without halves, times a gain, whose variance is off by a factor."""
+    rng, level = np.random.default_rng(8), np.full((64, 48, 3), 0.5)
+    (stored, variance), (again, other) = estimated(rng, gain * level), estimated(rng, level)
+    pair = comparison.Pair(AT, stored, again, (), (of_variance * variance, other))
+    return {check.name: check.strain for check in comparison.compare("it", [pair], AT)}
+
+
+def test_a_picture_without_halves_is_judged_by_its_variance():
+    assert max(spread_checks(1, 1).values()) < 1
+    stripes = 1 + 0.5 * (-1) ** np.arange(64)[:, None, None]
+    assert spread_checks(stripes, 1)["it: pattern"] > 1
+    for factor in (0.25, 4.0):
+        assert spread_checks(1, factor)["it: variance"] > 1
+
+
+def test_the_shares_of_eight_images_are_known_whatever_the_noise():
+    rng = np.random.default_rng(9)
+    means, variances = zip(*(estimated(rng, np.ones((200, 200, 1))) for _ in range(2)), strict=True)
+    spread, share = statistics.spread_share(means, variances), statistics.variance_share(means, variances)
+    assert spread.mean() == pytest.approx(1 / 7, abs=0.005)
+    assert share.mean() == pytest.approx(1 / 2, abs=0.005)
+    assert 0 <= min(spread.min(), share.min()) <= max(spread.max(), share.max()) <= 1
+    nothing = [np.zeros((200, 200, 1))] * 2
+    assert np.isnan(statistics.spread_share(means, nothing)).all()
+    assert np.isnan(statistics.variance_share(means, nothing)).all()
+
+
 def test_the_bound_is_sidaks_of_hoeffdings():
     alone = 1 - (1 - statistics.FALSE_ALARM / statistics.FAMILIES) ** (1 / 100)
     assert 2 * np.exp(-(statistics.bound_of(100) ** 2) / 2) == pytest.approx(alone)
