@@ -30,18 +30,17 @@ PAGES: tuple[tuple[str, str, str], ...] = (
 
 
 def site_pages(
-    papers: Sequence[SitePaper], runs: Sequence[SiteRun], histories: Iterable[str]
+    papers: Sequence[SitePaper], runs: Sequence[SiteRun], histories: Iterable[tuple[str, str]]
 ) -> Iterator[tuple[str, str]]:
     """Yield the file name and the text of each page but those of histories.
 
     Args:
         papers: With their claims.
         runs: All of them.
-        histories: File names of pages of histories, which the bar of pages links to.
+        histories: File and name of each page of a history, which the bar of pages links to.
     """
     style = asset("report.css") + asset("site/site.css")
-    links = [(file, name) for file, name, _ in PAGES]
-    links += [(file, "History") for file in histories]
+    links = [*((file, name) for file, name, _ in PAGES), *histories]
     shared: dict[str, Any] = {
         "papers": papers,
         "runs": runs,

@@ -55,7 +55,8 @@ def _files(
     papers: Sequence[SitePaper], runs: Sequence[SiteRun], kept: Sequence[Kept]
 ) -> Iterator[tuple[str, str]]:
     names = [HISTORY_PAGE if not n else f"history-{n + 1}.html" for n in range(len(kept))]
-    yield from site_pages(papers, runs, names)
+    titles = [f"History of {one.folder.name}" if len(kept) > 1 else "History" for one in kept]
+    yield from site_pages(papers, runs, zip(names, titles, strict=True))
     for name, one in zip(names, kept, strict=True):
         yield name, render_history(one.history, one.reasons, "index.html")
 

@@ -385,6 +385,19 @@ def shelf(tiny_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+def test_two_histories_are_told_apart(shelf: Path, tmp_path: Path):
+    other = tmp_path / "second"
+    shutil.copytree(shelf / "published", other)
+    (other / "two").rename(other / "three")
+    shutil.rmtree(other / "one")
+    write_site([shelf / "published", other], tmp_path / "site", lambda record: compare_run(record))
+    page = (tmp_path / "site" / "index.html").read_text()
+    assert re.findall(r'<a href="(history[^"]*)"[^>]*>([^<]*)<', page) == [
+        ("history.html", "History of published"),
+        ("history-2.html", "History of second"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("places", "left_out"),
     [
