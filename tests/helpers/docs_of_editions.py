@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of the docs that hold the ledger's second edition against the first."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from statistics import fmean
 
 from docs_of_reference import cell, table
 from graycard import RecordError
 from graycard.io import from_builtins, read_json
-from graycard.records import CLAIMS, ClaimResult, Ledger
+from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
 from graycard.reports.history._keep import OWN
 
 SECOND = OWN / "second"
@@ -22,6 +24,20 @@ AGREE = 0.9
 def folders_of_second() -> list[Path]:
     """Return the published folders of the second edition."""
     return sorted(path.parent for path in SECOND.glob(f"*/{CLAIMS}"))
+
+
+COLUMNS = {
+    "novel views, dB": "novel_view.psnr",
+    "training views, dB": "training_view.psnr",
+    "SSIM": "novel_view.ssim",
+    "LPIPS": "novel_view.lpips",
+    "albedo, dB": "albedo.psnr.channel",
+    "leakage": "albedo.leakage",
+    "normals, °": "normal.mean_angle",
+    "depth": "depth.abs_rel",
+    "moved lamp, dB": "relighting.psnr.moved",
+}
+"""Metrics of the table of means, by the head of their column."""
 
 
 def published_folders() -> list[Path]:
@@ -61,7 +77,28 @@ def edition_block(second: Path) -> str:
     rows = [(name, _word(first.get(name)), _word(claim), _share(claim)) for name, claim in claims.items()]
     head = ("claim", "first edition", "second edition", "refits that agree")
     reasons = [f"- **{name}** {cell(claim.sentence)} {cell(_why(claim))}\n" for name, claim in claims.items()]
-    return f"\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
+    means = f"Means over the scenes:\n\n{means_table(read_run(second))}"
+    return f"\n{means}\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
+
+
+def means_table(run: RunRecord) -> str:
+    """Return the means over all scenes of each row; a cell is empty where a scene has no finite score."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for result in run.results:
+        for score in result.sheet.scores if result.sheet else ():
+            if score.value is not None and math.isfinite(score.value):
+                found.setdefault((result.job.method, score.metric), []).append(score.value)
+    rows = [
+        (f"`{name}`", *(_mean(found.get((name, metric), []), len(run.scenes)) for metric in COLUMNS.values()))
+        for name in (method.name for method in run.methods)
+        if name != "truth"
+    ]
+    return table(("row", *COLUMNS), rows)
+
+
+def _mean(values: list[float], scenes: int) -> str:
+    """Return a mean with three digits; empty where scenes lack."""
+    return f"{fmean(values):#.3g}" if len(values) == scenes else ""
 
 
 def _word(claim: ClaimResult | None) -> str:
