@@ -57,17 +57,20 @@ class Truth:
         """
         return find_view(self.views, name)
 
-    def layers(self, view: View) -> dict[str, np.ndarray]:
+    def layers(self, view: View, *, derive: bool = True) -> dict[str, np.ndarray]:
         """All true layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
 
-        Where the file has a depth and no ``distance`` or ``position``, these are made from it.
+        Args:
+            view: Of this truth.
+            derive: Make ``distance`` and ``position`` from depth and camera where the file has none.
 
         Raises:
             DatasetError: The file is missing, broken or of another size than the camera. Later: a layer is
                 asked for that it has not.
         """
         path = file_of(self.root, f"views/{view.name}.exr")
-        return _named(with_geometry(_true_layers(path, view), view.camera), path)
+        found = _true_layers(path, view)
+        return _named(with_geometry(found, view.camera), path) if derive else found
 
     def lights(self) -> tuple[Light, ...]:
         """Return the exact lights.

@@ -81,13 +81,17 @@ def check_rendered(
 
 def _pair(picture: TruePicture, name: str, again: dict[str, np.ndarray]) -> Pair:
     """Return a stored picture and the same one rendered again, with their halves, or else variances."""
-    halves, variances = (
-        tuple([picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends])
-        if picture.has(*(f"{name}.{end}" for end in ends))
-        else ()
-        for ends in (("half_a", "half_b"), ("var",))
-    )
-    return Pair(picture.at, picture.layers[name], again["radiance"], halves, () if halves else variances)
+
+    def of_both(*ends: str) -> tuple[np.ndarray, ...]:
+        if not picture.has(*(f"{name}.{end}" for end in ends)):
+            return ()
+        return tuple(
+            [picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends]
+        )
+
+    halves = of_both("half_a", "half_b")
+    variances = () if halves else of_both("var")
+    return Pair(picture.at, picture.layers[name], again["radiance"], halves, variances)
 
 
 def _middle_split(pictures: Sequence[TruePicture]) -> TruePicture:

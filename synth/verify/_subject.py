@@ -107,7 +107,8 @@ class Subject:
     def picture(self, number: int) -> TruePicture:
         """Return the true layers of a view."""
         view = self.truth.views[number]
-        at, layers = At(self.at.scene, view.name), self.truth.layers(view)
+        at = At(self.at.scene, view.name)
+        layers = self.truth.layers(view, derive=self.is_reduced(view))
         return TruePicture(at, number, view, layers, self.is_split(view))
 
 

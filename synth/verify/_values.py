@@ -55,7 +55,7 @@ _UNIT_RANGE = {"normal": (-1.0, 1.0), "counterfactual.normal": (-1.0, 1.0), "alb
 def expected_layers(subject: Subject, view: View) -> set[str]:
     """Return the names of all layers that are known of a view of a scene.
 
-    ``distance`` and ``position`` may be in its file, or follow from its depth.
+    ``distance`` and ``position`` of a training view that holds no more than is needed follow from its depth.
     """
     split, separated = subject.is_split(view), subject.is_separated
     names = {*ESTIMATES, *SURFACE, *({"albedo"} if separated else ())}

@@ -185,6 +185,18 @@ def test_a_layer_without_the_target_that_is_lost_is_missed(
     assert all("missing are counterfactual.diffuse" in reason for reason in reasons)
 
 
+def test_what_follows_from_depth_is_missed_where_all_layers_are_kept(
+    rendered: Callable[[str], dict[str, Truth]], tmp_path: Path
+) -> None:
+    def drop_position(layers: dict[str, np.ndarray], view: View) -> None:
+        del layers["distance"], layers["position"]
+
+    scene = copied(rendered("dark")["all"], tmp_path)
+    plant(scene, rendered("dark")["all"].views[0].name, drop_position)
+    reseal(scene)
+    assert "missing are distance, position" in failures(scene, 0)["layers present"][0]
+
+
 def test_scenes_of_other_layers_are_not_taken_for_these(
     rendered: Callable[[str], dict[str, Truth]], tmp_path: Path
 ) -> None:
