@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from docs_of_editions import claims_in, decided_words, edition_block, folders_of_second, is_decided
+from docs_of_editions import claims_in, decided_words, edition_block, is_decided
 from docs_of_reference import DOCS
 from graycard.io import sha256
 from graycard.records import read_ledger, read_run
 from graycard.reports.history._keep import OWN
+from published import folders_of_second
 
 PAGE = DOCS / "results" / "second.md"
 FOLDERS = folders_of_second()

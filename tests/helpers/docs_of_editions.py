@@ -13,17 +13,11 @@ from graycard.io import from_builtins, read_json
 from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
 from graycard.reports.history._keep import OWN
 
-SECOND = OWN / "second"
 ENDING = "-sealed"
 """Ending of a folder of the second edition, behind the name that the first one has."""
 HELD_BACK = ("undecided", "open")
 AGREE = 0.9
 """Share of refits from which a verdict is stable."""
-
-
-def folders_of_second() -> list[Path]:
-    """Return the published folders of the second edition."""
-    return sorted(path.parent for path in SECOND.glob(f"*/{CLAIMS}"))
 
 
 COLUMNS = {
@@ -38,11 +32,6 @@ COLUMNS = {
     "moved lamp, dB": "relighting.psnr.moved",
 }
 """Metrics of the table of means, by the head of their column."""
-
-
-def published_folders() -> list[Path]:
-    """Return all published folders that come along, of either edition."""
-    return sorted(path.parent for path in (*OWN.glob(f"*/{CLAIMS}"), *OWN.glob(f"*/*/{CLAIMS}")))
 
 
 def claims_in(folder: Path) -> dict[str, ClaimResult]:

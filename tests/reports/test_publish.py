@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from docs_of_editions import published_folders
 from graycard import OutputError, RecordError
 from graycard.benchmarks import Validity
 from graycard.cli import main
@@ -15,6 +14,7 @@ from graycard.io import read_json, sha256, to_builtins, write_json
 from graycard.records import CLAIMS, Ledger, read_ledger, read_run
 from graycard.reports import publish_run, write_report
 from opened import opened
+from published import published_folders
 
 
 def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Path, tmp_path: Path):

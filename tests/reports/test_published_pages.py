@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import pytest
 
-from docs_of_editions import published_folders
 from graycard.eval.statistics import RULE, Question, compare_run
 from graycard.records import Comparison, read_run
 from graycard.reports.history._keep import OWN
 from opened import opened
+from published import published_folders
 
 FOLDERS = published_folders()
 DATA = re.compile(r'"data:[^"]*"')
