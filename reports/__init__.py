@@ -8,6 +8,7 @@ The report reads run records and the folders that they name; how a score was mad
 from graycard.records import is_published as is_published
 from graycard.reports._publish import ledger_of_run as ledger_of_run
 from graycard.reports._publish import publish_run as publish_run
+from graycard.reports._scene_section import Shown as Shown
 from graycard.reports._write import write_report as write_report
 from graycard.reports.captures._page import CaptureRow as CaptureRow
 from graycard.reports.captures._write import write_capture_report as write_capture_report

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole content of a report, before any HTML."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from graycard.reports._claims import ClaimsSection, claims_section
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
 from graycard.reports._priors import PriorBadge, prior_badges
-from graycard.reports._scene_section import FoundPictures, SceneSection, scene_section
+from graycard.reports._scene_section import ALL, FoundPictures, SceneSection, Shown, scene_section
 from graycard.reports._tracks import headline_of, words_of
 from graycard.reports.opening._strips import Opening, open_track
 from graycard.reports.parts._kept import Kept
@@ -86,7 +86,7 @@ class Page:
 def build_page(
     record: RunRecord,
     run: Path,
-    pictures: Collection[str] | None = None,
+    shown: Shown = ALL,
     comparison: Comparison | None = None,
     kept: Kept | None = None,
 ) -> Page:
@@ -95,14 +95,14 @@ def build_page(
     Args:
         record: The run.
         run: Its folder.
-        pictures: Names of the methods whose pictures are embedded; None for all.
+        shown: Methods and scenes whose pictures are embedded.
         comparison: Of its methods; None for that in the folder.
         kept: Pictures of a page that was made before; None to read the folders.
     """
     comparison, fault = (comparison, "") if comparison else _read_comparison(run)
     names = dict.fromkeys([s.track for s in record.scenes] + [r.job.track for r in record.results])
     tracks = tuple(
-        _track(record, run, name, f"track-{i + 1}", _Sources(comparison, pictures, kept or {}))
+        _track(record, run, name, f"track-{i + 1}", _Sources(comparison, shown, kept or {}))
         for i, name in enumerate(names)
     )
     above = comparison.above_ceiling if comparison else ()
@@ -153,8 +153,7 @@ class _Sources:
     """Parts of a page beside its run."""
 
     comparison: Comparison | None
-    pictures: Collection[str] | None
-    """Names of methods."""
+    shown: Shown
     kept: Kept
 
 
@@ -173,7 +172,7 @@ def _track(record: RunRecord, run: Path, name: str, anchor: str, sources: _Sourc
             board.methods,
             metrics,
             f"{anchor}-scene-{i}",
-            shown=sources.pictures,
+            shown=sources.shown,
             kept=_kept(sources.kept, name, scene.scene),
         )
         for i, scene in enumerate((s for s in record.scenes if s.track == name), 1)

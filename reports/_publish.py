@@ -3,20 +3,21 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from graycard import OutputError, RecordError
 from graycard.io import atomic_folder, read_json, sha256, to_builtins
 from graycard.records import CLAIMS, PUBLISHED_PAGE, RUN_FILE, Ledger, read_ledger, read_run
+from graycard.reports._scene_section import ALL, Shown
 from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
 
 SUITE = "suite.json"
 
 
-def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[str] | None = None) -> float:
+def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -> float:
     """Write a folder that says what a run found, small enough for a repository.
 
     The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run. Where on a
@@ -26,27 +27,27 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         run: The run folder, with its scenes and predictions, of which the report shows pictures.
         folder: A new or an empty one.
         limit_mib: MiB that it may have.
-        pictures: Methods whose pictures and single views the report has; None for all.
+        shown: Methods and scenes whose pictures and single views the report has.
 
     Returns:
         Its size in MiB.
 
     Raises:
-        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name. The ledger
-            is damaged, of an older format or of another run. A verdict changed and the history says no
+        RecordError: There is no ``run.json``, it is damaged, or it has no method or scene of such a name. The
+            ledger is damaged, of an older format or of another run. A verdict changed and the history says no
             reason.
         OutputError: It would be larger than the limit, or it cannot be written, or is in use.
     """
     run = Path(run)
     started, ledger = read_run(run).started, ledger_of_run(run)
-    content = {PUBLISHED_PAGE: report_of(run, pictures), **_kept_records(run, ledger)}
+    content = {PUBLISHED_PAGE: report_of(run, shown), **_kept_records(run, ledger)}
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
     if whole > limit_mib:
         parts = ", ".join(f"{name} {size:.1f}" for name, size in sizes.items())
         raise OutputError(
             f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
-            "--pictures, or raise --limit-mib"
+            "--pictures or fewer scenes for --scenes, or raise --limit-mib"
         )
     kept = _continued(Path(folder), content, started)
     with atomic_folder(folder) as partial:

@@ -31,6 +31,22 @@ from graycard.reports.tables._troubles import Trouble, warnings
 
 
 @dataclass(frozen=True, slots=True)
+class Shown:
+    """Rows and scenes whose pictures and single views a page shows; None: all of them.
+
+    Tables have all in any case.
+    """
+
+    methods: Collection[str] | None = None
+    """Names of rows."""
+    scenes: Collection[str] | None = None
+    """Names ``track/scene``."""
+
+
+ALL = Shown()
+
+
+@dataclass(frozen=True, slots=True)
 class ScenePictures:
     """Contents of the folders of a scene."""
 
@@ -66,6 +82,8 @@ class SceneSection:
     pictures: ScenePictures | None
     reason: str
     """Why there are no pictures."""
+    left_out: bool
+    """True if they were not asked for."""
     faults: tuple[MethodFault, ...]
     rows: tuple[MetricRow, ...]
     quiet: tuple[MetricRow, ...]
@@ -81,6 +99,9 @@ class SceneSection:
 FoundPictures = tuple[ScenePictures | None, str, tuple[MethodFault, ...]]
 """Pictures, why there are none, and methods of which something cannot be shown."""
 
+LEFT_OUT = "this page is kept small: it has pictures of some scenes only"
+"""Reason why a scene that was not chosen has no pictures."""
+
 
 def scene_section(
     run: Path,
@@ -90,7 +111,7 @@ def scene_section(
     metrics: Sequence[MetricRecord],
     anchor: str,
     *,
-    shown: Collection[str] | None = None,
+    shown: Shown = ALL,
     kept: FoundPictures | None = None,
 ) -> SceneSection:
     """Return a scene with what its folders have to show; what is missing or broken is said in its place.
@@ -102,15 +123,19 @@ def scene_section(
         methods: All of them.
         metrics: All of them.
         anchor: Of the section.
-        shown: Names of the methods whose pictures and single views are shown; None for all.
+        shown: Methods and scenes whose pictures and single views are shown.
         kept: Pictures of a page that was made before; None to read the folders of the scene.
     """
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
     competing = {m.name for m in here if not m.sees}
-    names = shown if kept is None or kept[0] is None else kept[0].methods
+    left_out = shown.scenes is not None and f"{scene.track}/{scene.scene}" not in shown.scenes
+    names = () if left_out else shown.methods
+    if kept is not None and kept[0] is not None:
+        names = kept[0].methods
     drawn = tuple(m for m in here if names is None or m.name in names)
-    pictures, reason, faults = kept or _pictures(run, scene, results, drawn)
+    none: FoundPictures | None = (None, LEFT_OUT, ()) if left_out else None
+    pictures, reason, faults = kept or none or _pictures(run, scene, results, drawn)
     rows, quiet = told_rows(metric_rows(results, here, metrics), here)
     return SceneSection(
         anchor=anchor,
@@ -119,6 +144,7 @@ def scene_section(
         methods=here,
         pictures=pictures,
         reason=reason,
+        left_out=reason == LEFT_OUT,
         faults=faults,
         rows=rows,
         quiet=quiet,

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a run folder to ``RUN/report/index.html``."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from graycard import RecordError
 from graycard.io import read_text, remove, write_bytes
 from graycard.records import PUBLISHED_PAGE, Comparison, RunRecord, is_published, read_run
 from graycard.reports._page import Page, build_page
+from graycard.reports._scene_section import ALL, Shown
 from graycard.reports.history._remake import kept_of_run
 from graycard.reports.parts._render import render_files, render_page
 
@@ -17,7 +18,7 @@ MAX_BYTES = 15_000_000
 
 def write_report(
     run: Path,
-    pictures: Collection[str] | None = None,
+    shown: Shown = ALL,
     *,
     out: Path | None = None,
     one_file: bool = False,
@@ -31,7 +32,7 @@ def write_report(
 
     Args:
         run: The run folder, with ``run.json``; of a published one the pictures of its page are kept.
-        pictures: Methods whose pictures are embedded; None for all. Tables have all in any case.
+        shown: Methods and scenes whose pictures are embedded.
         out: The file; None for ``RUN/report/index.html``.
         one_file: Write one file however large; else a report above 15 MB has its scenes in files beside it.
         comparison: Of its methods; None for that in the folder.
@@ -42,11 +43,11 @@ def write_report(
 
     Raises:
         RecordError: There is no ``run.json``, or it is damaged or of a newer format, or the run has no method
-            of such a name. The page of a published run has no pictures that can be read.
+            or scene of such a name. The page of a published run has no pictures that can be read.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(run) / "report" / "index.html" if out is None else out
-    page = _page_of(Path(run), pictures, comparison, record)
+    page = _page_of(Path(run), shown, comparison, record)
     whole = render_page(page).encode()
     folder, written = f"{path.stem}-scenes", set[Path]()
     if one_file or len(whole) <= MAX_BYTES:
@@ -61,23 +62,27 @@ def write_report(
     return path
 
 
-def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
+def report_of(run: Path, shown: Shown = ALL) -> bytes:
     """Return the bytes of the report in one file; arguments and errors as in :func:`write_report`."""
-    return render_page(_page_of(run, pictures)).encode()
+    return render_page(_page_of(run, shown)).encode()
 
 
 def _page_of(
     run: Path,
-    pictures: Collection[str] | None,
+    shown: Shown,
     comparison: Comparison | None = None,
     record: RunRecord | None = None,
 ) -> Page:
     record = read_run(run) if record is None else record
-    known = [method.name for method in record.methods]
-    if pictures is not None and (strange := sorted(set(pictures) - set(known))):
+    _check_names("methods", shown.methods, [method.name for method in record.methods])
+    _check_names("scenes", shown.scenes, [f"{scene.track}/{scene.scene}" for scene in record.scenes])
+    kept = kept_of_run(read_text(run / PUBLISHED_PAGE, "HTML"), record) if is_published(run) else None
+    return build_page(record, run, shown, comparison, kept)
+
+
+def _check_names(what: str, named: Collection[str] | None, known: Sequence[str]) -> None:
+    if strange := sorted(set(named or ()) - set(known)):
         raise RecordError(
-            f"expected pictures of methods of the run ({', '.join(known)}), got {', '.join(strange)}. "
+            f"expected pictures of {what} of the run ({', '.join(known)}), got {', '.join(strange)}. "
             "Name some of the former"
         )
-    kept = kept_of_run(read_text(run / PUBLISHED_PAGE, "HTML"), record) if is_published(run) else None
-    return build_page(record, run, pictures, comparison, kept)

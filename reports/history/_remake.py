@@ -8,6 +8,7 @@ from graycard import RecordError
 from graycard.records import Comparison, Ledger, RunRecord
 from graycard.reports._claims import section_of
 from graycard.reports._page import build_page
+from graycard.reports._scene_section import Shown
 from graycard.reports.parts._kept import Kept, kept_scenes
 from graycard.reports.parts._render import render_page
 
@@ -41,5 +42,5 @@ def remade_page(kept: Kept, record: RunRecord, run: Path, comparison: Comparison
         comparison: Of the run, by today's rules.
         ledger: Its verdicts.
     """
-    built = build_page(record, run, (), comparison, kept)
+    built = build_page(record, run, Shown(methods=()), comparison, kept)
     return render_page(replace(built, claims=section_of(ledger, run)))

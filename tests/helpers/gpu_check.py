@@ -5,7 +5,8 @@ Run ``PYTHONPATH=src:tests python tests/helpers/gpu_check.py PART [FOLDER]``.
 
 ``engine`` times drawing on the clouds of ``graycard speed engine``, ``profile`` shows where a step of 2dgs
 spends time, ``large`` fits a scene in closed form at 512 and 800 pixels, and ``scenes`` fits rendered scenes
-``FOLDER/<track>/<scene>`` on the CPU and on the GPU. A case that fails says so, and the next one follows.
+``FOLDER/<track>/<scene>`` on the CPU and on the GPU. ``one FOLDER/<track>/<scene> METHOD STEPS SURFELS`` fits
+one scene on the GPU. A case that fails says so, and the next one follows.
 """
 
 import sys
@@ -176,16 +177,29 @@ def scenes(folder: Path) -> None:
                     tried(case, lambda a=(name, scene, backend): _fitted(*a))
 
 
-def _fitted(name: str, scene: Path, backend: str) -> Row:
+def one(scene: Path, name: Path, steps: Path, surfels: Path) -> None:
+    """Fit one rendered scene on the GPU by any number of steps and surfels."""
+    say("case | s | PSNR of training views | of held-out views | peak MiB of the GPU")
+    budget = {"iterations": int(str(steps)), "surfels": int(str(surfels))}
+
+    def row() -> Row:
+        cells = _fitted(str(name), scene, "cuda", budget)
+        return *cells, f"{torch.cuda.max_memory_allocated() / 2**20:.0f}"
+
+    tried(f"{name}, {scene.name}, {steps} steps, {surfels} surfels", row)
+
+
+def _fitted(name: str, scene: Path, backend: str, budget: dict[str, int] | None = None) -> Row:
     method, capture = methods.load_method(name), open_capture(scene / "capture", check=False)
     truth = open_truth(scene / "truth", check=False)
     asks = methods.asks_of(method)
     known = {view.name: truth.layers(view) for view in truth.views if view.split == "train"} if asks else {}
     spec = PriorSpec("oracle", 1)
     priors = make_priors(spec, asks, capture, known, truth.lights()) if asks else methods.Priors()
-    budget = {"iterations": BUDGET[name], "surfels": 5000, "backend": backend}
+    size = budget or {"iterations": BUDGET[name], "surfels": 5000}
+    settings = methods.settings_of(method, {**size, "backend": backend})
     start = time.perf_counter()
-    found = method.fit(capture, priors, methods.settings_of(method, budget), 0, silent)
+    found = method.fit(capture, priors, settings, 0, silent)
     seconds = time.perf_counter() - start
     return f"{seconds:.1f}", f"{_psnr(found, scene, 'train'):.2f}", f"{_psnr(found, scene, 'test'):.2f}"
 
@@ -195,6 +209,7 @@ PARTS: dict[str, Callable[..., None]] = {
     "profile": profile,
     "large": large,
     "scenes": scenes,
+    "one": one,
 }
 
 if __name__ == "__main__":

@@ -12,14 +12,14 @@ from graycard.benchmarks import Validity
 from graycard.cli import main
 from graycard.io import read_json, sha256, to_builtins, write_json
 from graycard.records import CLAIMS, Ledger, read_ledger, read_run
-from graycard.reports import publish_run, write_report
+from graycard.reports import Shown, publish_run, write_report
 from opened import opened
 from published import published_folders
 
 
 def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Path, tmp_path: Path):
     (tiny_run / "suite.json").write_text('{ "as": "it was written" }\n')
-    size = publish_run(tiny_run, tmp_path / "out", 100, ["gray"])
+    size = publish_run(tiny_run, tmp_path / "out", 100, Shown(["gray"]))
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "run.json", "suite.json"]
     assert sha256(tmp_path / "out" / "suite.json") == sha256(tiny_run / "suite.json")
     assert read_json(tmp_path / "out" / "run.json") == read_json(tiny_run / "run.json")
@@ -41,10 +41,23 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
         assert "Reflectance changes in steps" in text
 
 
+def test_scenes_that_are_not_asked_for_have_tables_alone(tiny_run: Path, tmp_path: Path):
+    first, *others = (f"{scene.track}/{scene.scene}" for scene in read_run(tiny_run).scenes)
+    size = publish_run(tiny_run, tmp_path / "out", 100, Shown(scenes=[first]))
+    assert size < publish_run(tiny_run, tmp_path / "whole", 100) * 0.6
+    again = write_report(tmp_path / "out", out=tmp_path / "again.html")
+    for path in (tmp_path / "out" / "index.html", again):
+        page = opened(path.read_text())
+        assert page.count("This page is kept small: it has pictures of some scenes only.") == len(others)
+        assert page.count('<section aria-label="Worst squares') == 4
+        assert "No pictures of this scene" not in page
+        assert page.count('scope="row"') > 50
+
+
 def test_where_the_dataset_stood_is_nobodys_business(
     tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, shown: b"")
     shutil.copytree(tiny_run, tmp_path / "run")
     record = read_json(tiny_run / "run.json")
     folders = [scene["folder"] for scene in record["scenes"]]
@@ -146,7 +159,12 @@ def test_a_folder_in_use_is_left_alone(tiny_run: Path, tmp_path: Path):
 
 def test_a_method_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
     with pytest.raises(RecordError, match=r"expected pictures of methods of the run \(truth, .*got grey"):
-        publish_run(tiny_run, tmp_path / "out", 100, ["grey"])
+        publish_run(tiny_run, tmp_path / "out", 100, Shown(["grey"]))
+
+
+def test_a_scene_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
+    with pytest.raises(RecordError, match=r"expected pictures of scenes of the run \(.*got nowhere"):
+        publish_run(tiny_run, tmp_path / "out", 100, Shown(scenes=["nowhere"]))
 
 
 PUBLISHED = published_folders()

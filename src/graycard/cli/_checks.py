@@ -136,6 +136,8 @@ class PublishCommand:
     which then grows."""
     pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
     """Embed pictures and values of single views of these rows only; of all by default."""
+    scenes: Annotated[tuple[str, ...], optional("TRACK/SCENE ...")] = ()
+    """Embed pictures and values of single views of these scenes only; of all by default."""
     limit_mib: float = 20.0
     """Fail if the folder would be larger."""
     salt: SaltFile = None
@@ -146,7 +148,7 @@ class PublishCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Publish the run, unless a rule for a valid result is broken."""
         from graycard.benchmarks import check_result
-        from graycard.reports import publish_run
+        from graycard.reports import Shown, publish_run
 
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         with terminal.progress(f"checking {self.run_folder}") as progress:
@@ -157,7 +159,8 @@ class PublishCommand:
             write_optional_json(self.json, {"folder": None, "validity": found})
             terminal.out.print("publish: nothing written, the run is no valid result")
             return found.exit_code
-        size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
+        shown = Shown(self.pictures or None, self.scenes or None)
+        size = publish_run(self.run_folder, self.out, self.limit_mib, shown)
         write_optional_json(self.json, {"folder": self.out, "mib": size, "validity": found})
         part = f", {found.part}" if found.part else ""
         terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
