@@ -127,8 +127,12 @@ class SitePaper:
 def site_papers(
     runs: Sequence[Published], tables: Sequence[Ledger], kept: Sequence[Kept]
 ) -> tuple[SitePaper, ...]:
-    """Return all papers with their claims, in the order in which runs and histories have them."""
-    ledgers = [(run, run.ledger) for run in runs if run.ledger] + [(None, ledger) for ledger in tables]
+    """Return all papers with their claims, in the order in which runs and histories have them.
+
+    Of several runs that judge a claim those on sealed scenes come first.
+    """
+    judged = sorted(((run, run.ledger) for run in runs if run.ledger), key=lambda one: one[1].edition is None)
+    ledgers = [*judged, *((None, ledger) for ledger in tables)]
     shelf = _Shelf(sorted({paper.title for _, ledger in ledgers for paper in ledger.papers}, key=len))
     for run, ledger in ledgers:
         for paper in ledger.papers:

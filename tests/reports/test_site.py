@@ -36,6 +36,8 @@ from graycard.reports.history._changes import TABLES
 from graycard.reports.history._entries import entry_of, rules_hash
 from graycard.reports.history._keep import OWN
 from graycard.reports.history._reasons import REASONS
+from graycard.reports.site._claims import site_papers
+from graycard.reports.site._sources import published_runs
 from runs_of_size import write_made_up
 
 HOSTILE = "<script>window.broken = 1</script>"
@@ -261,6 +263,13 @@ def test_a_paper_over_several_suites_is_one(own_site: Path):
     assert len(titles) == len({title.partition(" (")[0] for title in titles}) == 3
     runs = [words(p).split(" by ")[1].split(" ")[0] for p in of_class(by_id(page, "R3"), "said")]
     assert sorted(runs) == ["matte", "tabletop"]
+
+
+def test_a_verdict_on_sealed_scenes_comes_first():
+    runs = published_runs([OWN / "dark", OWN / "second" / "dark-sealed"])
+    claims = {claim.id: claim for paper in site_papers(runs, (), ()) for claim in paper.claims}
+    assert [one.run for one in claims["S1"].shown] == ["dark-sealed", "dark"]
+    assert [one.run for one in claims["S4"].shown][-1] == "dark"
 
 
 @pytest.mark.parametrize("site", ["own_site", "hostile_site"])
