@@ -2,9 +2,10 @@
 """Fixtures that most tests stand on: tiny scenes with closed-form truth, a small disk, weights."""
 
 import os
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numba
@@ -90,19 +91,28 @@ def threads_as_before() -> Iterator[None]:
 
 
 @pytest.fixture
-def make_scene(tmp_path: Path) -> Callable[..., Path]:
+def make_scene(tmp_path: Path, write_tiny: Callable[..., Path]) -> Callable[..., Path]:
     """``make_scene(track="dark", scene="tiny-0000", train=3, test=2)`` writes one, gives its folder."""
-
-    def make(**options: object) -> Path:
-        return write_tiny_scene(tmp_path / "dataset", **options)  # pyright: ignore[reportArgumentType]
-
-    return make
+    return partial(write_tiny, tmp_path / "dataset")
 
 
 @pytest.fixture(scope="session")
-def write_tiny() -> Callable[..., Path]:
-    """``write_tiny(dataset, **options)`` writes the scene, for fixtures that outlive a test."""
-    return write_tiny_scene
+def write_tiny(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """``write_tiny(dataset, **options)`` writes the scene, for fixtures that outlive a test.
+
+    A scene that was written before is copied, which is twenty times as fast.
+    """
+
+    @cache
+    def written(**options: object) -> Path:
+        return write_tiny_scene(tmp_path_factory.mktemp("written"), **options)  # pyright: ignore[reportArgumentType]
+
+    def write(dataset: Path, **options: object) -> Path:
+        scene = written(**options)
+        folder = Path(dataset) / scene.parent.name / scene.name
+        return Path(shutil.copytree(scene, folder, copy_function=shutil.copyfile, dirs_exist_ok=True))
+
+    return write
 
 
 @pytest.fixture(scope="session")
