@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Verdicts of runs that add scenes: they last, and fits that fail are told of."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from graycard.benchmarks import Plan, _runner, load_suite, run_until_decided
+from graycard.benchmarks import _runner
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks.claims import judge_run
 from graycard.cli import main
-from graycard.io import silent
 from graycard.processes import Outcome
 from graycard.records import ClaimResult, RunRecord, find_claim, read_ledger, read_run
-from tiny_benches import CLAIMS, TIE, made_without_renderer, write_claims, write_reserve_suite
+from tiny_benches import CLAIMS, TIE, made_without_renderer, pursued, write_claims, write_reserve_suite
 
 Pursue = Callable[..., RunRecord]
 
@@ -27,27 +28,49 @@ def asked(monkeypatch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]) -> l
 @pytest.fixture
 def pursue(tmp_path: Path) -> Pursue:
     """``pursue(most, *claims)`` goes on in ``tmp_path / "run"``."""
-
-    def go(most: int, *claims: str, last: int = 510, seeds: str = "[0]") -> RunRecord:
-        path = write_reserve_suite(tmp_path, last)
-        path.write_text(path.read_text().replace("version = 1", f"version = 1\nseeds = {seeds}", 1))
-        plan = Plan(most, (write_claims(tmp_path, *claims),))
-        return run_until_decided(load_suite(str(path)), tmp_path / "run", 1, silent, plan)
-
-    return go
+    return partial(pursued, tmp_path)
 
 
 @pytest.fixture
 def failing(monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, str, int]]:
     """Fits that fail: row, scene, seed."""
-    found: set[tuple[str, str, int]] = set()
+    return let_fail(monkeypatch)
+
+
+def let_fail(patch: pytest.MonkeyPatch, *fits: tuple[str, str, int]) -> set[tuple[str, str, int]]:
+    """Let some fits fail; more may be added to what it returns."""
+    found = set(fits)
 
     def fit(job: FitJob) -> Outcome:
         asks = job.job.method, job.job.scene, job.job.seed
         return Outcome(reason="out of memory") if asks in found else run_fit(job)
 
-    monkeypatch.setattr(_runner, "run_fit", fit)
+    patch.setattr(_runner, "run_fit", fit)
     return found
+
+
+LOST = ("input", "corridor-0501", 0)
+
+
+@pytest.fixture(scope="module")
+def lost(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
+    """Folder of a run in which a fit has failed; not to be changed."""
+    folder = tmp_path_factory.mktemp("lost")
+    with pytest.MonkeyPatch.context() as patch:
+        made_without_renderer(patch, write_tiny)
+        let_fail(patch, LOST)
+        pursued(folder, 10)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tied(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
+    """Folder of a run that has decided one claim of two; not to be changed."""
+    folder = tmp_path_factory.mktemp("tied")
+    with pytest.MonkeyPatch.context() as patch:
+        made_without_renderer(patch, write_tiny)
+        pursued(folder, 10, CLAIMS, TIE)
+    return folder
 
 
 def claim_of(run: Path, claim: str) -> ClaimResult:
@@ -56,10 +79,10 @@ def claim_of(run: Path, claim: str) -> ClaimResult:
     return find_claim(ledger, claim)
 
 
-def judged_again(tmp_path: Path) -> bool:
+def judged_again(folder: Path) -> bool:
     """Tell if judging the run later gives the ledger that the run wrote."""
-    run = tmp_path / "run"
-    return judge_run(read_run(run), run, [str(tmp_path / "tiny-claims.toml")]) == read_ledger(run)
+    run = folder / "run"
+    return judge_run(read_run(run), run, [str(folder / "tiny-claims.toml")]) == read_ledger(run)
 
 
 @pytest.mark.slow
@@ -102,26 +125,19 @@ def test_later_scenes_with_its_rows_do_not_turn_a_verdict(pursue: Pursue, tmp_pa
     assert judged_again(tmp_path)
 
 
-def test_a_fit_that_fails_takes_its_claim_out_and_says_so(
-    pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]]
-) -> None:
-    failing.add(("input", "corridor-0501", 0))
-    record = pursue(10)
+def test_a_fit_that_fails_takes_its_claim_out_and_says_so(lost: Path) -> None:
+    record = read_run(lost / "run")
     assert record.looks is not None
     why = record.looks.untestable["tiny-claims T1"]
     assert why == "input failed on corridor-0501: out of memory"
     assert record.looks.lost == record.looks.untestable
     assert record.looks.stopped == "nothing is left to decide, but tiny-claims T1 cannot be tested"
-    assert claim_of(tmp_path / "run", "T1").verdict == "not testable here"
-    assert judged_again(tmp_path)
+    assert claim_of(lost / "run", "T1").verdict == "not testable here"
+    assert judged_again(lost)
 
 
-def test_what_failed_is_tried_again_by_the_next_call(
-    pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]]
-) -> None:
-    failing.add(("input", "corridor-0501", 0))
-    pursue(10)
-    failing.clear()
+def test_what_failed_is_tried_again_by_the_next_call(pursue: Pursue, tmp_path: Path, lost: Path) -> None:
+    shutil.copytree(lost, tmp_path, dirs_exist_ok=True)
     record = pursue(10)
     assert record.looks is not None
     assert record.looks.untestable == {}
@@ -130,10 +146,11 @@ def test_what_failed_is_tried_again_by_the_next_call(
 
 
 def test_a_fit_that_fails_later_leaves_earlier_verdicts(
-    pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]]
+    pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]], tied: Path
 ) -> None:
     """Gray is a row of both claims; T1 was decided by then."""
-    before = pursue(10, CLAIMS, TIE)
+    shutil.copytree(tied, tmp_path, dirs_exist_ok=True)
+    before = read_run(tmp_path / "run")
     assert before.looks is not None
     decided = claim_of(tmp_path / "run", "T1")
     late = before.looks.made[5].scenes[0].rpartition("/")[2]
@@ -147,14 +164,12 @@ def test_a_fit_that_fails_later_leaves_earlier_verdicts(
     assert judged_again(tmp_path)
 
 
-def test_a_claim_that_was_given_up_is_judged_by_the_scenes_that_it_has(
-    pursue: Pursue, tmp_path: Path
-) -> None:
+def test_a_claim_that_was_given_up_is_judged_by_the_scenes_that_it_has(tied: Path) -> None:
     """Stricter rules leave T1 open at the look that decided it: later scenes lack its rows all the same."""
-    record = pursue(10, CLAIMS, TIE)
+    record = read_run(tied / "run")
     assert record.looks is not None
     stricter = replace(record, looks=replace(record.looks, level=0.9999))
-    ledger = judge_run(stricter, tmp_path / "run", [str(tmp_path / "tiny-claims.toml")])
+    ledger = judge_run(stricter, tied / "run", [str(tied / "tiny-claims.toml")])
     found = find_claim(ledger, "T1")
     assert (found.verdict, len(found.checks[0].scenes)) == ("undecided", 8)
 
@@ -188,9 +203,11 @@ def test_a_row_that_the_suite_has_not_is_told(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_a_lost_claim_on_the_command_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], failing: set[tuple[str, str, int]]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], failing: set[tuple[str, str, int]], lost: Path
 ) -> None:
-    failing.add(("input", "corridor-0501", 0))
+    """The fit is tried again, and fails again."""
+    failing.add(LOST)
+    shutil.copytree(lost, tmp_path, dirs_exist_ok=True)
     suite, claims = str(write_reserve_suite(tmp_path)), write_claims(tmp_path)
     command = ["bench", suite, "--out", str(tmp_path / "run"), "--jobs", "1", "--until-decided"]
     assert main([*command, "--max-scenes", "10", "--claims", claims]) == 1

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Benches that add scenes until claims are decided, on scenes that no renderer makes."""
 
+import shutil
 from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from graycard.cli import main
 from graycard.eval.statistics import level_up_to
 from graycard.io import sha256, silent
 from graycard.records import ClaimResult, RunRecord, find_claim, read_comparison, read_ledger, read_run
-from tiny_benches import CLAIMS, TIE, made_without_renderer, write_claims, write_reserve_suite
+from tiny_benches import CLAIMS, TIE, made_without_renderer, pursued, write_claims, write_reserve_suite
 from valid_runs import breaches, change
 
 
@@ -27,14 +29,28 @@ def asked(monkeypatch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]) -> l
 @pytest.fixture
 def pursue(tmp_path: Path) -> Callable[..., RunRecord]:
     """``pursue(most, *claims)`` goes on in ``tmp_path / "run"``."""
+    return partial(pursued, tmp_path)
 
-    def go(most: int, *claims: str, last: int = 510) -> RunRecord:
-        suite = load_suite(str(write_reserve_suite(tmp_path, last)))
-        return run_until_decided(
-            suite, tmp_path / "run", 1, silent, Plan(most, (write_claims(tmp_path, *claims),))
-        )
 
-    return go
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Callable[[int], Path]:
+    """``ended(most)``: folder of a run that nothing disturbed, made on first use; not to be changed."""
+
+    @cache
+    def of(most: int) -> Path:
+        folder = tmp_path_factory.mktemp("ended")
+        with pytest.MonkeyPatch.context() as patch:
+            made_without_renderer(patch, write_tiny)
+            pursued(folder, most)
+        return folder
+
+    return of
+
+
+@pytest.fixture
+def copied(ended: Callable[[int], Path], tmp_path: Path) -> Callable[[int], Path]:
+    """``copied(most)``: the run folder of a copy of it in ``tmp_path``."""
+    return lambda most: Path(shutil.copytree(ended(most), tmp_path, dirs_exist_ok=True)) / "run"
 
 
 def claim_of(run: Path, claim: str) -> ClaimResult:
@@ -43,30 +59,30 @@ def claim_of(run: Path, claim: str) -> ClaimResult:
     return find_claim(ledger, claim)
 
 
-def test_it_stops_when_the_claims_are_decided(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+def test_it_stops_when_the_claims_are_decided(ended: Callable[[int], Path]) -> None:
     """Eight scenes of one sign have p = 2 / 2^8; those of six, 2 / 2^6, is above the level."""
-    record = pursue(10)
+    run = ended(10) / "run"
+    record = read_run(run)
     assert record.looks is not None
     assert record.looks.level == level_up_to(10)
     assert [len(look.scenes) for look in record.looks.made] == [2, 2, 2, 2]
     assert record.looks.stopped == "every claim that can be tested is decided"
     assert [look.undecided for look in record.looks.made] == [("tiny-claims T1",)] * 3 + [()]
-    assert claim_of(tmp_path / "run", "T1").verdict == "reproduced"
-    ledger = read_ledger(tmp_path / "run")
+    assert claim_of(run, "T1").verdict == "reproduced"
+    ledger = read_ledger(run)
     assert ledger is not None
     assert ledger.level == level_up_to(10)
 
 
-def test_scenes_that_are_added_have_the_rows_of_open_claims_alone(
-    pursue: Callable[..., RunRecord], tmp_path: Path
-) -> None:
-    record = pursue(10)
+def test_scenes_that_are_added_have_the_rows_of_open_claims_alone(ended: Callable[[int], Path]) -> None:
+    run = ended(10) / "run"
+    record = read_run(run)
     rows = [tuple(r.job.method for r in record.results if r.job.scene == s.scene) for s in record.scenes]
     assert rows[:2] == [("truth", "gray", "gray-dark", "input", "retinex")] * 2
     assert rows[2:] == [("truth", "gray", "input")] * 6
-    told = claim_of(tmp_path / "run", "T1").checks[1]
+    told = claim_of(run, "T1").checks[1]
     assert len(told.scenes) <= 2, "a row that was given up is judged by the scenes that it has"
-    comparison = read_comparison(tmp_path / "run")
+    comparison = read_comparison(run)
     assert comparison is not None
     assert {s.scenes for s in comparison.find("dark", "albedo.psnr.channel").methods} == {2}
 
@@ -117,11 +133,12 @@ def test_the_result_is_valid_and_what_is_wrong_is_found(
     assert any("expected scenes of tiny-reserve" in line for line in breaches(run)["suite"])
 
 
-def test_a_second_call_finds_all_done(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
-    pursue(10)
-    before = read_run(tmp_path / "run")
-    pursue(10)
-    assert read_run(tmp_path / "run") == before
+def test_a_second_call_finds_all_done(
+    pursue: Callable[..., RunRecord], copied: Callable[[int], Path]
+) -> None:
+    before = read_run(run := copied(10))
+    assert pursue(10) == before
+    assert read_run(run) == before
 
 
 def test_what_was_cut_off_goes_on_and_ends_the_same(
@@ -149,8 +166,10 @@ def test_what_was_cut_off_goes_on_and_ends_the_same(
     assert read_run(tmp_path / "run") == before
 
 
-def test_a_plan_is_kept(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
-    pursue(6)
+def test_a_plan_is_kept(
+    pursue: Callable[..., RunRecord], copied: Callable[[int], Path], tmp_path: Path
+) -> None:
+    copied(6)
     with pytest.raises(
         RunError, match="expected --max-scenes 6 with claims tiny-claims, as the run in .* got 8"
     ):
@@ -160,8 +179,10 @@ def test_a_plan_is_kept(pursue: Callable[..., RunRecord], tmp_path: Path) -> Non
     assert len(read_run(tmp_path / "run").scenes) == 6
 
 
-def test_claims_that_were_edited_are_refused(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
-    pursue(6)
+def test_claims_that_were_edited_are_refused(
+    pursue: Callable[..., RunRecord], copied: Callable[[int], Path], tmp_path: Path
+) -> None:
+    copied(6)
     before = (tmp_path / "run" / "run.json").read_bytes()
     with pytest.raises(
         RunError, match=r"got other content in .*tiny-claims\.toml\. Rules .* undo the change"
@@ -173,18 +194,19 @@ def test_claims_that_were_edited_are_refused(pursue: Callable[..., RunRecord], t
     assert record.looks.claims == {"tiny-claims": sha256(tmp_path / "tiny-claims.toml")}
 
 
-def test_a_suite_that_was_edited_is_refused(pursue: Callable[..., RunRecord]) -> None:
+def test_a_suite_that_was_edited_is_refused(
+    pursue: Callable[..., RunRecord], copied: Callable[[int], Path]
+) -> None:
     """Its reserve counts as well: it says which scenes are added."""
-    pursue(6)
+    copied(6)
     with pytest.raises(RunError, match=r"got other content in the file of suite 'tiny-reserve'\. Rules"):
         pursue(6, last=509)
 
 
 def test_a_plan_that_cannot_be_read_is_not_planned_anew(
-    pursue: Callable[..., RunRecord], tmp_path: Path
+    pursue: Callable[..., RunRecord], copied: Callable[[int], Path]
 ) -> None:
-    pursue(6)
-    (tmp_path / "run" / "run.json").write_text("{}")
+    (copied(6) / "run.json").write_text("{}")
     with pytest.raises(RunError, match="expected the plan of the run in its run.json"):
         pursue(8)
 
@@ -220,7 +242,9 @@ def test_a_suite_without_enough_to_add(pursue: Callable[..., RunRecord], tmp_pat
         run_until_decided(load_suite("demo"), tmp_path / "run", 1, silent, plan)
 
 
-def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_on_the_command_line(
+    copied: Callable[[int], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     suite, claims = str(write_reserve_suite(tmp_path)), write_claims(tmp_path)
     command = ["bench", suite, "--out", str(tmp_path / "run"), "--jobs", "1"]
     assert main([*command, "--until-decided"]) == 2
@@ -230,6 +254,9 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "expected --max-scenes N with --until-decided, got none" in said
     assert "expected --until-decided with --max-scenes, got none" in said
     assert "expected --until-decided without --sealed, --budget, got both" in said
+    shutil.rmtree(
+        copied(10) / "jobs" / "dark" / "corridor-0501"
+    )  # its fits are made again, all else is there
     assert main([*command, "--until-decided", "--max-scenes", "10", "--claims", claims]) == 0
     shown = capsys.readouterr().out.strip().splitlines()
     last, looks = shown[-1], next(line for line in shown if line.startswith("looks:"))

@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 from graycard import Progress
-from graycard.benchmarks import _runner
+from graycard.benchmarks import Plan, _runner, load_suite, run_until_decided
 from graycard.benchmarks._jobs import RenderJob
-from graycard.io import peak_memory_mib, read_manifest, to_builtins, write_manifest
+from graycard.io import peak_memory_mib, read_manifest, silent, to_builtins, write_manifest
 from graycard.processes import AUDIT_HOOK, Channel, ChannelError, Outcome
+from graycard.records import RunRecord
 from graycard.synth import SceneSpec, scene_name
 from graycard.synth.families import resolved_knobs
 
@@ -117,14 +118,21 @@ def write_claims(folder: Path, *texts: str) -> str:
     return str(path)
 
 
+def pursued(folder: Path, most: int, *claims: str, last: int = 510, seeds: str = "[0]") -> RunRecord:
+    """Add scenes until claims are decided, in ``folder / "run"``, or go on there."""
+    path = write_reserve_suite(folder, last)
+    path.write_text(path.read_text().replace("version = 1", f"version = 1\nseeds = {seeds}", 1))
+    plan = Plan(most, (write_claims(folder, *claims),))
+    return run_until_decided(load_suite(str(path)), folder / "run", 1, silent, plan)
+
+
 def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]) -> list[str]:
     """Let benches find each scene as if it had been rendered before, and fit in this process, unconfined.
 
     Returns:
         The names of scenes that were asked for, in order.
     """
-    patch.setattr(_runner, "run_all", _run_here)
-    served_here(patch)
+    run_here(patch)
     asked: list[str] = []
 
     def find(job: RenderJob) -> Outcome:
@@ -138,6 +146,12 @@ def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., P
 
     patch.setattr("graycard.benchmarks.planning._rendering.find_rendered", find)
     return asked
+
+
+def run_here(patch: pytest.MonkeyPatch) -> None:
+    """Let benches render, fit and score in this process, unconfined: workers take longer to start."""
+    patch.setattr(_runner, "run_all", _run_here)
+    served_here(patch)
 
 
 def served_here(patch: pytest.MonkeyPatch) -> None:
