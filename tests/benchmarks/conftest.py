@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from graycard.cli import main
+from tiny_benches import run_here
 from valid_runs import write_valid_run
 
 SUITE = """
@@ -61,6 +62,12 @@ def suite_of(tmp_path: Path) -> Callable[..., Path]:
         return write_suite(tmp_path / "tiny.toml", **options)  # pyright: ignore
 
     return write
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Benches that do their jobs in this process, for what is not about workers and confinement."""
+    run_here(monkeypatch)
 
 
 @pytest.fixture(scope="session")

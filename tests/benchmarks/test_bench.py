@@ -104,6 +104,7 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     assert last.endswith(str(tiny_run / "report" / "index.html"))
 
 
+@pytest.mark.usefixtures("here")  # the benches that are killed are processes of their own
 def test_killed_while_rendering_and_while_fitting_it_ends_the_same(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]
 ):
@@ -130,6 +131,7 @@ def kill_when(command: list[str], seen: Callable[[], bool]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
+@pytest.mark.usefixtures("here")
 def test_a_damaged_prediction_is_made_again(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
     run, dataset = tmp_path / "run", tiny_run / "dataset"
     command = ["bench", str(suite_of(tracks=("dark",))), "--out", str(run), "--dataset", str(dataset)]
@@ -156,12 +158,13 @@ def test_an_oracle_is_made_again_when_the_truth_changes(make_scene: Callable[...
 def test_two_benches_at_once_do_the_work_once(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
     run = tmp_path / "run"
     options = [str(suite_of(tracks=("dark",))), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
-    command = [sys.executable, "-m", "graycard", "bench", *options]
+    command = [sys.executable, "-m", "graycard", "bench", *options, "--jobs", "1"]
     both = [subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) for _ in range(2)]
     assert [process.wait(120) for process in both] == [0, 0]
     assert sheets(run) == dark_sheets(tiny_run)
 
 
+@pytest.mark.usefixtures("here")
 def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
     run = tmp_path / "run"
     command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
@@ -177,6 +180,7 @@ def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, s
     assert (run / "report" / "index.html").is_file()
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("told", [True, False])
 def test_an_environment_is_kept_for_what_its_record_tells(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], told: bool
@@ -209,6 +213,7 @@ def test_a_run_of_another_suite_is_left_alone(
     assert "to hold a run of 'other' version 1, got one of 'tiny' version 1" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("here")
 def test_variants_of_a_method_have_rows_of_their_own(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]
 ):
@@ -245,6 +250,7 @@ def test_gate_passes_the_run_that_made_the_baseline(
     assert "gate: passed" in capsys.readouterr().out.splitlines()[-1]
 
 
+@pytest.mark.usefixtures("here")
 def test_gate_names_what_got_worse(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ):
@@ -262,6 +268,7 @@ def test_gate_names_what_got_worse(
     assert read_json(tmp_path / "v.json")["result"]["worse"]
 
 
+@pytest.mark.usefixtures("here")
 def test_gate_fails_when_less_was_measured(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ):

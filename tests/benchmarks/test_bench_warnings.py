@@ -26,6 +26,7 @@ def plant(mistake: Mistake, scene: Path, folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.usefixtures("here")
 def test_the_six_mistakes_are_named_with_row_and_scene(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ):

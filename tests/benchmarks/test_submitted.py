@@ -43,6 +43,7 @@ def results_of(run: Path) -> dict[str, JobResult]:
     return {r.job.track: r for r in read_run(run).results if r.job.method == "official"}
 
 
+@pytest.mark.usefixtures("here")
 def test_predictions_stand_beside_the_methods(
     tiny_run: Path,
     tmp_path: Path,
@@ -81,6 +82,7 @@ def test_predictions_stand_beside_the_methods(
     assert '<span class="badge">submitted</span>' in (tmp_path / "published" / "index.html").read_text()
 
 
+@pytest.mark.usefixtures("here")
 def test_they_are_taken_anew_when_they_change_and_missed_where_they_are_not(
     tiny_run: Path,
     tmp_path: Path,
@@ -112,6 +114,7 @@ def test_they_are_taken_anew_when_they_change_and_missed_where_they_are_not(
     assert "tabletop" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("here")
 def test_a_row_goes_when_it_is_left_out_and_the_rest_is_as_it_was(
     tiny_run: Path, tmp_path: Path, given: Path, suite_of: Callable[..., Path]
 ):
