@@ -2,6 +2,7 @@
 """Large runs are planned from what a small one measured."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,6 @@ from graycard.cli import main
 from graycard.io import silent, write_json
 from graycard.records import Cost, RunRecord, job_folder, read_run
 from graycard.synth import RenderSettings, SceneSpec
-from valid_runs import write_valid_run
 
 COST = Measured("dark", 2, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
 
@@ -44,9 +44,9 @@ def test_numbers_out_of_range_are_refused(numbers: tuple[int, int, int, float, f
 
 
 @pytest.fixture
-def run(tmp_path: Path, write_tiny: Callable[..., Path]) -> Path:
-    """A valid run, with the costs that a bench keeps."""
-    run = write_valid_run(tmp_path / "run", write_tiny)
+def run(made_run: Path, tmp_path: Path) -> Path:
+    """A copy of a valid run, with the costs that a bench keeps."""
+    run = Path(shutil.copytree(made_run, tmp_path / "run"))
     record = read_run(run)
     for number, scene in enumerate(record.scenes):
         path = rendering_cost(run, scene.track, scene.scene)
@@ -131,7 +131,7 @@ def test_a_fit_tells_its_cpu_time(make_scene: Callable[..., Path], tmp_path: Pat
 
 def test_a_scene_that_is_rendered_in_one_go_keeps_its_cost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
-    spec, settings = SceneSpec("dark", "corridor", 0), RenderSettings(20, 16, 3, 1, 16, 3)
+    spec, settings = SceneSpec("dark", "corridor", 0), RenderSettings(20, 16, 3, 1, 4, 3)
     job = RenderJob(spec, settings, tmp_path / "dataset", 1, tmp_path / "run")
     assert run_render(job).reason == ""
     path = rendering_cost(tmp_path / "run", "dark", "corridor-0000")
