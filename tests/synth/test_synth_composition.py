@@ -28,7 +28,7 @@ from graycard.synth.edits._composition import Composed, composition, donor_of, m
 from graycard.synth.edits._free_space import Obstacles, bounds
 
 SETTINGS = RenderSettings(24, 24, 6, 3, 16)
-TINY = RenderSettings(20, 16, 3, 1, 16, 3, relighting=False)
+TINY = RenderSettings(20, 16, 3, 1, 4, 3, relighting=False)
 SEEDS = (1000, 1001, 1002)
 
 

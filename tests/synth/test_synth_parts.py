@@ -23,7 +23,7 @@ from graycard.synth.dataset._render import clear_leftovers
 from graycard.synth.dataset._renderings import Rendering, write_aside
 from graycard.synth.dataset._store import Place, stamped
 
-TINY = RenderSettings(20, 16, 3, 1, 16, 3)
+TINY = RenderSettings(20, 16, 3, 1, 4, 3)
 TABLE = SceneSpec("tabletop", "glossy-table", 0)
 PICTURES = 4 + 3
 """Views, and the held-out one under each change of the two lights: nothing is a sum in ``scalar_rgb``."""
