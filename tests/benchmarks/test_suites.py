@@ -2,7 +2,9 @@
 """Suites as they are read."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,7 +12,7 @@ from graycard import TRACKS, GraycardError, RecordError, UnknownNameError
 from graycard.benchmarks import Part, Suite, load_suite, narrow, suite_names
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks.planning._plan import part_of_plan
-from graycard.synth import CaptureSettings, family_of
+from graycard.synth import CaptureSettings, RenderSettings, family_of
 
 SUITE = """
 name = "mine"
@@ -41,8 +43,17 @@ def written(folder: Path, more: str = "") -> str:
 TRACK_OF = {"claims-matte": "tabletop", "claims-robust": "tabletop"}
 
 
+@cache
+def views_built(family: Any, train: int, test: int, seed: int = 1000) -> int:
+    """Return the number of views of a scene once it is built."""
+    return len(family.build(seed, RenderSettings(8, 8, train, test)).views)
+
+
+@pytest.mark.xdist_group("suites")  # a worker that has built a scene knows its views
+@pytest.mark.parametrize("own_seeds", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", suite_names())
-def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
+def test_every_suite_that_comes_along_can_be_built(name: str, own_seeds: bool) -> None:
+    """Suites share knobs: a scene of each is built, and those of all seeds where there is time."""
     suite = load_suite(name)
     tracks = {scene.track for scene in suite.scenes}
     of_one = TRACK_OF.get(name) or name.removesuffix("-hd").partition("-")[2]
@@ -51,7 +62,8 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
         is_tuning = scene.seed >= 1000  # such scenes judge nothing
         assert is_tuning == (name.startswith(("noise-", "convergence-", "paper-")) or name.endswith("-hd"))
         settings = suite.render_of(scene)
-        assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
+        wanted = family_of(scene), settings.train_views, settings.test_views
+        assert views_built(*wanted, *([scene.seed] if own_seeds else [])) == settings.views
 
 
 @pytest.mark.parametrize(

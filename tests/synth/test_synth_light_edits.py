@@ -2,6 +2,7 @@
 """Changes of the lights of a scene: their number, and their effects."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ SETTINGS = RenderSettings(24, 24, 6, 2, 16)
 NAMES = tuple(all_families())
 
 
+@lru_cache(maxsize=2)
 def build(name: str, seed: int, **knobs: float | str) -> Scene:
     spec = SceneSpec(all_families()[name].track, name, seed, knobs)
     return family_of(spec).build(seed, SETTINGS)

@@ -2,6 +2,7 @@
 """The multilight families: lights, colours and materials are what the knobs say, up to their ends."""
 
 from dataclasses import fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ ROOMS = "studio", "gallery"
 ALL = *ROOMS, "objects"
 
 
+@lru_cache(maxsize=8)
 def build(name: str, seed: int = 0, **knobs: Any) -> Scene:
     return family_of(SceneSpec("multilight", name, seed, knobs)).build(seed, SETTINGS)
 

@@ -30,6 +30,8 @@ TABLES = tuple(name for name, family in all_families().items() if family.track =
 POLISHED = tuple(name for name in TABLES if name != "matte-table")
 SHINING = Glossy | LambertGGX
 
+pytestmark = pytest.mark.xdist_group("tables")  # a worker that has built a table keeps it
+
 
 @cache
 def build(name: str, seed: int = 1000, **knobs: Any) -> Scene:
@@ -62,7 +64,7 @@ def table_of(scene: Scene) -> Thing:
 
 
 @pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize("seed", [1000, 1001])
+@pytest.mark.parametrize("seed", [1000, pytest.param(1001, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("knobs", [{}, {"objects": 5, "occlusion": 1.0, "target_size": 1.6}])
 def test_objects_stand_on_the_surface_and_do_not_touch(name: str, seed: int, knobs: dict[str, Any]) -> None:
     family = family_of(SceneSpec("tabletop", name, seed, knobs))
