@@ -9,13 +9,13 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from fault_planting import reseal
 from graycard import (
     TRACKS,
     Predictions,
@@ -27,16 +27,17 @@ from graycard import (
     open_predictions,
     open_truth,
 )
+from graycard.benchmarks._fit import Fitted
+from graycard.benchmarks.speed import measure_truth
 from graycard.cli import main
 from graycard.cli._table import VERBS, find_verb
 from graycard.dataset import manifest_of
 from graycard.io import read_json
 from graycard.predictions import finish_predictions, write_view
-from graycard.records import read_score_sheet
+from graycard.records import Access, Cost, read_score_sheet
 from graycard.synth import find_llvm, use_renderer
 from graycard.synth.families._corridor import Corridor
 from graycard.synth.renderer._variant import LLVM
-from sparse_points import with_points
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]
@@ -137,6 +138,7 @@ def test_speed_compares_the_truth_with_a_plain_picture(
     if not find_llvm().usable:
         pytest.skip("the separation needs LLVM")
     monkeypatch.setattr("graycard.benchmarks.speed._truth.all_families", lambda: {"corridor": Corridor})
+    monkeypatch.setattr("graycard.benchmarks.speed.measure_truth", partial(measure_truth, 32, 16))
     assert main(["speed", "truth", "--repeats", "1", "--json", str(tmp_path / "s.json")]) == 0
     assert "(corridor; in processor time" in last_line(capsys)
     (cost,) = json.loads((tmp_path / "s.json").read_text())["result"]
@@ -145,8 +147,18 @@ def test_speed_compares_the_truth_with_a_plain_picture(
     assert 0 < cost["separated_s"] < 600
 
 
-def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+@pytest.mark.parametrize("rendered", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_speed_measures_what_scoring_costs(
+    rendered: bool,
+    tiny_scenes: dict[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+):
     monkeypatch.setattr("graycard.benchmarks.speed._score.FAMILIES", ("glossy-table",))
+    if not rendered:
+        module = "graycard.benchmarks.speed._score"
+        monkeypatch.setattr(f"{module}.render_scene", lambda spec, *_: tiny_scenes[spec.track])
     assert main(["speed", "score", "--quick", "--json", str(tmp_path / "s.json")]) == 0
     assert "a view of 64 x 64 takes at most" in last_line(capsys)
     (cost,) = json.loads((tmp_path / "s.json").read_text())["result"]
@@ -235,14 +247,12 @@ def test_a_reader_that_has_seen_enough_is_no_traceback():
 
 
 def test_what_chosen_priors_do_not_answer_is_said(
-    write_tiny: Callable[..., Path], tmp_path: Path, capsys: Capture
+    tiny_scenes: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ):
-    scene = write_tiny(tmp_path / "d", track="tabletop", train=4, test=1)
-    with_points(scene)
-    reseal(scene)
-    quick = ["--iterations", "4", "--surfels", "200", "--fill", "0"]
+    fitted = Fitted(Cost(1.0, 1.0), Access("guard", "hash"))
+    monkeypatch.setattr("graycard.benchmarks.fit_apart", lambda *_: fitted)
     out = ["--out", str(tmp_path / "p"), "--priors", "classical"]
-    assert main(["fit", "removal", str(scene), *out, *quick]) == 0
+    assert main(["fit", "removal", str(tiny_scenes["tabletop"]), *out]) == 0
     assert "classical answers nothing of mask, which removal can ask for" in " ".join(
         capsys.readouterr().err.split()
     )
