@@ -283,17 +283,20 @@ def sample_around(effects: np.ndarray) -> Sample:
     return Sample(check_of(), scenes, effects.mean(axis=1), np.empty((len(effects), 0)), effects, np.zeros(2))
 
 
-def stated(fits: np.ndarray, noise: FitNoise) -> tuple[str, float]:
-    """Return the verdict on fits, and the share of refits that the judge expects it of."""
+def stated(fits: np.ndarray, noise: FitNoise) -> float:
+    """Return the share of refits that the judge expects to reproduce as these do; 0 where these do not."""
     sample, levels = sample_around(fits), Levels()
     effect = summarise(sample, levels)
-    judged_once = Judged(sample, effect, verdict_of(sample.check, effect, "all"), noise)
+    verdict = verdict_of(sample.check, effect, "all")
+    if verdict != "reproduced":
+        return 0.0
+    judged_once = Judged(sample, effect, verdict, noise)
     share = Deciding((judged_once,), (), levels, "all", {}).stability()
     assert share is not None
-    return judged_once.verdict, share
+    return share
 
 
-@pytest.mark.parametrize("seeds", [1, 2])
+@pytest.mark.parametrize("seeds", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_stated_stability_is_that_of_refits_of_the_true_effects(seeds: int) -> None:
     """Scenes and fits differ alike; whatever the centre. Of refits said to agree in 90 %, 82 to 98 % do.
 
@@ -307,8 +310,7 @@ def test_stated_stability_is_that_of_refits_of_the_true_effects(seeds: int) -> N
         sd = deviation(fits) if seeds > 1 else math.sqrt(random.chisquare(16) / 16)
         origin = "these fits" if seeds > 1 else "same rows"
         noise = FitNoise(sd, "here", seeds, freedom, frozenset({"mine"}), origin)
-        word, share = stated(fits, noise)
-        if word == "reproduced" and 0.85 <= share <= 0.95:
+        if 0.85 <= stated(fits, noise) <= 0.95:
             again = true + random.standard_normal((8, seeds)).mean(axis=1)
             agreed.append(interval_of(again)[0] > 0)
     assert len(agreed) > 100
