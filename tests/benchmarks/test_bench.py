@@ -104,7 +104,6 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     assert last.endswith(str(tiny_run / "report" / "index.html"))
 
 
-@pytest.mark.usefixtures("here")  # the benches that are killed are processes of their own
 def test_killed_while_rendering_and_while_fitting_it_ends_the_same(
     tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]
 ):

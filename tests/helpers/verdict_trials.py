@@ -9,6 +9,7 @@ from five distributions of standard deviation 1. The band of the claim is 0.5 to
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Shares:
     """With each verdict."""
 
 
+@cache
 def shares(shape: str, effect: float, count: int, trials: int = 20_000, seed: int = 0) -> Shares:
     """Return how often the rule gives each verdict on an effect.
 
