@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from changed_scene import enrich
 from graycard import (
     TRACKS,
     Predictions,
@@ -150,15 +151,15 @@ def test_speed_compares_the_truth_with_a_plain_picture(
 @pytest.mark.parametrize("rendered", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_speed_measures_what_scoring_costs(
     rendered: bool,
-    tiny_scenes: dict[str, Path],
+    make_scene: Callable[..., Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: Capture,
 ):
     monkeypatch.setattr("graycard.benchmarks.speed._score.FAMILIES", ("glossy-table",))
     if not rendered:
-        module = "graycard.benchmarks.speed._score"
-        monkeypatch.setattr(f"{module}.render_scene", lambda spec, *_: tiny_scenes[spec.track])
+        scene = enrich(make_scene(track="tabletop"))
+        monkeypatch.setattr("graycard.benchmarks.speed._score.render_scene", lambda *_: scene)
     assert main(["speed", "score", "--quick", "--json", str(tmp_path / "s.json")]) == 0
     assert "a view of 64 x 64 takes at most" in last_line(capsys)
     (cost,) = json.loads((tmp_path / "s.json").read_text())["result"]
