@@ -106,10 +106,13 @@ def rendered(
         patch.setenv("DRJIT_LIBLLVM_PATH", HIDDEN["DRJIT_LIBLLVM_PATH"])
         out = tmp_path_factory.mktemp("rendered")
         specs = [SceneSpec("dark", "corridor", 0), TABLE, SceneSpec("multilight", "studio", 0)]
-        return {
-            spec.track: render_scene(spec, TINY, out, lambda *said, to=told[spec.track]: to.append(said), 2)
-            for spec in specs
-        }
+        found = {}
+        for spec in specs:
+            heard = told[spec.track]
+            found[spec.track] = render_scene(
+                spec, TINY, out, lambda done, doing, heard=heard: heard.append((done, doing)), threads=2
+            )
+        return found
 
 
 @pytest.fixture
