@@ -77,7 +77,6 @@ def results_of(run: Path) -> dict[str, JobResult]:
     return {r.job.method: r for r in read_run(run).results if r.job.track == "dark"}
 
 
-@pytest.mark.usefixtures("here")
 def test_a_command_is_a_row_beside_the_methods(
     tiny_run: Path, tmp_path: Path, python: Path, suite_of: Callable[..., Path],
     capsys: pytest.CaptureFixture[str],

@@ -139,7 +139,7 @@ def test_exposures_of_nothing_are_refused() -> None:
 
 def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: Path, no_llvm: str) -> None:
     faults = CaptureSettings(bits=8, shot_noise=4000, read_noise=4, exposure_spread=0.5)
-    clean = RenderSettings(20, 16, 3, 1, 4, 3)
+    clean = RenderSettings(20, 16, 3, 1, 16, 3)
     spec = SceneSpec("tabletop", "glossy-table", 1000)
     plain = render_scene(spec, clean, tmp_path / "plain")
     found = render_scene(spec, replace(clean, capture=faults), tmp_path / "faulty")
