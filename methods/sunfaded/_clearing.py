@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Find space without surfaces: before what a training camera sees by a prior or the sparse points.
+"""Find space without surfaces: before what a training camera sees by stereo, a prior or the sparse points.
 
 What hangs right before a camera is seen by that camera alone, and explains its photograph however wrong it
 is: no other view objects. Such plates take the surfels that the surfaces behind them need.
@@ -15,7 +15,7 @@ from scipy.ndimage import minimum_filter
 from graycard import Camera, Capture
 from graycard.methods.splat import CENTRES
 from graycard.methods.sunfaded._guess import GeometryGuess
-from graycard.methods.surfels import observations
+from graycard.methods.surfels import SweptDepth, observations
 
 WINDOW = 9
 """Pixels on each side of the windows whose least depth counts: edges of a prior's depth are soft."""
@@ -51,27 +51,36 @@ def _before(centres: torch.Tensor, camera: Camera, free: torch.Tensor) -> torch.
     return inside & (depth < free[row, column])
 
 
-def clearing_of(capture: Capture, guesses: Sequence[GeometryGuess], share: float) -> Clearing:
+def clearing_of(
+    capture: Capture,
+    guesses: Sequence[GeometryGuess],
+    share: float,
+    swept: Sequence[SweptDepth] | None = None,
+) -> Clearing:
     """Return the space that is free before each training camera.
 
-    Where a prior tells depth, its scale is found by the sparse points that the view saw; else the nearest of
-    these points is taken for the nearest surface.
+    What stereo is sure of counts first. Elsewhere a prior's depth counts, whose scale is found by the sparse
+    points that the view saw. Without one the nearest of these points is taken for the nearest surface.
 
     Args:
         capture: Cameras and sparse points.
         guesses: One a training view.
-        share: Of those depths up to which it is free, below 1: both are rough.
+        share: Of those depths up to which it is free, below 1: all are rough.
+        swept: Depth of each training view by stereo; None without.
     """
     points = capture.points()
     numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
     cameras = [capture.views[n].camera for n in numbers]
     free = []
-    for n, camera, guess in zip(numbers, cameras, guesses, strict=True):
+    found = [None] * len(numbers) if swept is None else swept
+    for n, camera, guess, stereo in zip(numbers, cameras, guesses, found, strict=True):
         pixels, depths = observations(points, n, camera)
         known = None if guess.depth is None else scaled_depth(guess.depth.numpy(), pixels, depths)
         if known is None:
             nearest = depths.min() if len(depths) else 0.0
             known = np.full((camera.height, camera.width), nearest)
+        if stereo is not None:
+            known = np.where(stereo.sure, stereo.depth, known)
         least = minimum_filter(known, WINDOW)
         free.append(torch.from_numpy(np.where(np.isfinite(least), share * least, 0.0).astype(np.float32)))
     return Clearing(cameras, free)

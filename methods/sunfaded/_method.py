@@ -22,7 +22,14 @@ from graycard.methods.sunfaded._scene import METHOD, SunFadedScene
 from graycard.methods.sunfaded._schedule import ENDS, FitStage, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
-from graycard.methods.surfels import FitTask, SceneMethod, check_checkpoint, fit_checkpoint
+from graycard.methods.surfels import (
+    FitTask,
+    SceneMethod,
+    SweptDepth,
+    check_checkpoint,
+    fit_checkpoint,
+    stereo_depths,
+)
 
 
 class SunFadedMethod(SceneMethod[SunFadedSettings, SunFadedScene]):
@@ -53,8 +60,9 @@ def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotog
     capture, priors, settings = task.capture, task.priors, task.settings
     asked = settings.geometry_prior != "none" and bool(priors.kinds & {"depth", "normal"})
     lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [GeometryGuess()] * len(views)
-    state = initial_state(start(capture, views, settings, task.seed), task.seed)
-    config = _train_config(task, views, lit)
+    swept = stereo_depths(capture, capture.points(), task.seed) if settings.fill > 0 else None
+    state = initial_state(start(capture, views, settings, task.seed, swept), task.seed)
+    config = _train_config(task, views, lit, swept)
     objective = SunFadedObjective(views, lit, settings, task.seed)
     if asked and settings.geometry_prior == "albedo":
         until = max(1, round(ENDS[settings.schedule][FitStage.JOINT] * settings.iterations))
@@ -66,7 +74,10 @@ def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotog
 
 
 def _train_config(
-    task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotograph], lit: Sequence[GeometryGuess]
+    task: FitTask[SunFadedSettings],
+    views: Sequence[DisplayedPhotograph],
+    lit: Sequence[GeometryGuess],
+    swept: Sequence[SweptDepth] | None,
 ) -> TrainConfig:
     settings = task.settings
     fitted = [
@@ -77,7 +88,7 @@ def _train_config(
     ]
     checkpoint = fit_checkpoint(METHOD, settings, task.seed, fitted)
     rates = learning_rates(task.extent, settings)
-    clearing = clearing_of(task.capture, lit, settings.clearing) if settings.clearing > 0 else None
+    clearing = clearing_of(task.capture, lit, settings.clearing, swept) if settings.clearing > 0 else None
     return task.config(settings.iterations, rates, density_rules(settings), checkpoint, clearing)
 
 

@@ -13,6 +13,7 @@ from graycard.methods.sunfaded._objective import DisplayedPhotograph
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._weight import FAINT
 from graycard.methods.surfels import (
+    SweptDepth,
     check_lamp_on_camera,
     check_photographs,
     check_places,
@@ -37,7 +38,11 @@ def check_capture(capture: Capture) -> None:
 
 
 def start(
-    capture: Capture, views: Sequence[DisplayedPhotograph], settings: SunFadedSettings, seed: int
+    capture: Capture,
+    views: Sequence[DisplayedPhotograph],
+    settings: SunFadedSettings,
+    seed: int,
+    swept: Sequence[SweptDepth] | None = None,
 ) -> Parameters:
     """Parameters before the first step.
 
@@ -46,10 +51,17 @@ def start(
     code begins without any light that stays; then albedo has no gradient. Here both lights begin with what
     explains the photographs of such surfaces, see :func:`first_lights`.
 
+    Args:
+        capture: Photographs, cameras and sparse points.
+        views: Its training views.
+        settings: Of the fit.
+        seed: Of the fit.
+        swept: Depth by stereo, where it is there.
+
     Raises:
         MethodError: There are too few sparse points.
     """
-    discs = sparse_discs(capture, settings.surfels, settings.fill, seed)
+    discs = sparse_discs(capture, settings.surfels, settings.fill, seed, swept=swept)
     albedo = _first_albedo(discs.features.float(), settings)
     lights = first_lights(views, albedo.mean(dim=0), settings, seed)
     return parameters_of(discs, {ALBEDO: albedo.logit()}, lights)

@@ -8,6 +8,7 @@ from graycard.methods.surfels._colour import srgb_decode_tensor as srgb_decode_t
 from graycard.methods.surfels._colour import srgb_encode_tensor as srgb_encode_tensor
 from graycard.methods.surfels._compose import composed as composed
 from graycard.methods.surfels._fill import observations as observations
+from graycard.methods.surfels._fill import stereo_depths as stereo_depths
 from graycard.methods.surfels._fitting import FitTask as FitTask
 from graycard.methods.surfels._fitting import SceneMethod as SceneMethod
 from graycard.methods.surfels._fitting import check_checkpoint as check_checkpoint
@@ -46,6 +47,7 @@ from graycard.methods.surfels._start import SKY as SKY
 from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import sparse_start as sparse_start
 from graycard.methods.surfels._start import with_colours as with_colours
+from graycard.methods.surfels._sweep import SweptDepth as SweptDepth
 from graycard.methods.surfels._sweep import sweep_depth as sweep_depth
 from graycard.methods.surfels._units import enlarged as enlarged
 from graycard.methods.surfels._units import shrunk as shrunk

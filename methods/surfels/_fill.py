@@ -38,7 +38,9 @@ def surfels_between(
     count: int,
     opacity: float,
     seed: int,
+    *,
     known: Sequence[np.ndarray] | None = None,
+    swept: Sequence[SweptDepth] | None = None,
 ) -> Surfels | None:
     """Discs on a grid of each training view's pixels, at the depth that stereo finds.
 
@@ -50,31 +52,51 @@ def surfels_between(
         seed: Of the search for planes.
         known: z-depth of each training view, shape ``(H, W)``, metres, NaN where stereo is to find it; None:
             everywhere.
+        swept: Results of :func:`stereo_depths`, where they are there; None: it is asked.
 
     Returns:
         The surfels; None if there would be next to none.
     """
-    numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
-    cameras = [capture.views[n].camera for n in numbers]
-    seen = [observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
-    each = count // len(numbers)
-    if each < MANY or not all(len(depths) for _, depths in seen):
+    each = count // len(capture.train)
+    swept = stereo_depths(capture, points, seed) if swept is None and each >= MANY else swept
+    if each < MANY or swept is None:
         return None
-    shown = [
-        srgb_encode_tensor(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure)))
-        for v in capture.train
-    ]
-    far = MARGIN * max(float(z.max()) for _, z in seen)
-    views = [
-        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), far)
-        for camera, image, (_, z) in zip(cameras, shown, seen, strict=True)
-    ]
-    depths = dense_depths(cameras, with_planes(views, sweep_depths(views), seed))
+    cameras, shown = [view.camera for view in capture.train], _shown(capture)
+    depths = dense_depths(cameras, swept)
     if known is not None:
         depths = [np.where(np.isfinite(k), k, depth) for k, depth in zip(known, depths, strict=True)]
     parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+
+def stereo_depths(capture: Capture, points: Points, seed: int) -> list[SweptDepth] | None:
+    """Depth of each training view by stereo and planes; None if a view sees none of the sparse points.
+
+    Args:
+        capture: Photographs and cameras.
+        points: Sparse points, world: between which depths surfaces are sought.
+        seed: Of the search for planes.
+    """
+    numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
+    cameras = [capture.views[n].camera for n in numbers]
+    seen = [observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
+    if not all(len(depths) for _, depths in seen):
+        return None
+    far = MARGIN * max(float(z.max()) for _, z in seen)
+    views = [
+        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), far)
+        for camera, image, (_, z) in zip(cameras, _shown(capture), seen, strict=True)
+    ]
+    return with_planes(views, sweep_depths(views), seed)
+
+
+def _shown(capture: Capture) -> list[torch.Tensor]:
+    """Return the training photographs, exposed and encoded, shape ``(H, W, 3)`` each."""
+    return [
+        srgb_encode_tensor(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure)))
+        for v in capture.train
+    ]
 
 
 def observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

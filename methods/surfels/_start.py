@@ -19,6 +19,7 @@ from graycard.methods.splat import (
 from graycard.methods.splat import Surfels as Discs
 from graycard.methods.surfels._fill import surfels_between
 from graycard.methods.surfels._settings import SurfelSettings
+from graycard.methods.surfels._sweep import SweptDepth
 
 COEFFICIENTS, DETAIL, SKY = "coefficients", "detail", "sky"
 """Names of the parameters beside geometry: the harmonics of degree zero, those above, and the sky's."""
@@ -40,7 +41,12 @@ def sparse_start(
 
 
 def sparse_discs(
-    capture: Capture, count: int, fill: float, seed: int, known: Sequence[np.ndarray] | None = None
+    capture: Capture,
+    count: int,
+    fill: float,
+    seed: int,
+    known: Sequence[np.ndarray] | None = None,
+    swept: Sequence[SweptDepth] | None = None,
 ) -> Discs:
     """Round discs where stereo finds depth, else on the sparse points, facing the cameras that found them.
 
@@ -50,6 +56,7 @@ def sparse_discs(
         fill: Share of them that begin where stereo finds depth; 0: none.
         seed: Of the fit.
         known: Of each training view the depth where it is not left to stereo, see :func:`surfels_between`.
+        swept: Results of :func:`stereo_depths`, where they are there.
 
     Raises:
         MethodError: There are too few points.
@@ -60,7 +67,7 @@ def sparse_discs(
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    between = surfels_between(capture, points, round(fill * count), OPACITY, seed, known)
+    between = surfels_between(capture, points, round(fill * count), OPACITY, seed, known=known, swept=swept)
     if between is not None:
         return between
     toward = _toward_cameras(capture, points)

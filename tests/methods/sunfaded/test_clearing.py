@@ -14,6 +14,7 @@ from graycard.methods.splat import CENTRES
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._clearing import FEWEST, WINDOW, Clearing, clearing_of, scaled_depth
 from graycard.methods.sunfaded._guess import GeometryGuess
+from graycard.methods.surfels import SweptDepth
 from sparse_points import with_points
 
 
@@ -88,6 +89,23 @@ def test_without_a_prior_the_nearest_point_says_how_far_it_is_free(make_scene: C
         number = [other.name for other in capture.views].index(view.name)
         _, depth = view.camera.project(points.positions[points.point[points.view == number]])
         assert free.numpy() == pytest.approx(0.5 * depth.min())
+
+
+@pytest.mark.parametrize("told", [None, 2.0])
+def test_what_stereo_is_sure_of_counts_first(make_scene: Callable[..., Path], told: float | None):
+    capture = with_points(make_scene(train=3, test=1))
+    camera = capture.train[0].camera
+    size, half, edge = (camera.height, camera.width), camera.width // 2, WINDOW // 2
+    sure = np.zeros(size, bool)
+    sure[:, half:] = True
+    guess = GeometryGuess(None if told is None else torch.full(size, told))
+    without = clearing_of(capture, [guess] * 3, 0.5)
+    near = float(min(free.min() for free in without.free))
+    swept = [SweptDepth(np.where(sure, 4 * near, np.nan), sure)] * 3
+    found = clearing_of(capture, [guess] * 3, 0.5, swept)
+    for before, free in zip(without.free, found.free, strict=True):
+        assert torch.equal(free[:, : half - edge], before[:, : half - edge])
+        assert free[:, half + edge :].numpy() == pytest.approx(2 * near)
 
 
 def test_a_fit_takes_them_away(make_scene: Callable[..., Path]):
