@@ -344,7 +344,7 @@ def fits_of(rows: Sequence[tuple[str, str]], effects: np.ndarray) -> RunRecord:
             value = 20.0 + i + (float(effect) if place == 0 else 0.0)
             score = Score(METRIC, "graycard-1", "scored", value, "dB", True, math.inf)
             sheet = ScoreSheet("dark", f"s{i}", row, "", "", (score,))
-            job = Job("dark", f"s{i}", row, 0, {"iterations": 1000})
+            job = Job("dark", f"s{i}", row, 0, {"iterations": 4000})
             results.append(JobResult(job, "", "", "done", sheet=sheet))
     methods = tuple(MethodRecord(row, "", (), entry) for row, entry in rows)
     scenes = tuple(map(scene_of, range(len(effects))))

@@ -28,7 +28,7 @@ from graycard.records import (
     read_history,
     read_run,
 )
-from graycard.reports import HISTORY_PAGE, publish_run, republish_claims, republish_tables
+from graycard.reports import HISTORY_PAGE, Shown, publish_run, republish_claims, republish_tables
 from graycard.reports.history._entries import rules_hash
 from graycard.reports.history._keep import history_text
 from graycard.reports.history._reasons import REASONS
@@ -78,7 +78,7 @@ def published(tiny_run: Path, tmp_path: Path) -> Path:
     folder.parent.mkdir()
     (folder.parent / HISTORY).write_text(history_text(VerdictHistory(())))
     (folder.parent / REASONS).write_text(EDITION)
-    publish_run(run, folder, 100, ["gray"])
+    publish_run(run, folder, 100, Shown(["gray"]))
     return folder
 
 
