@@ -129,7 +129,8 @@ def scene_section(
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
     competing = {m.name for m in here if not m.sees}
-    left_out = shown.scenes is not None and f"{scene.track}/{scene.scene}" not in shown.scenes
+    asked = shown.scenes is None or f"{scene.track}/{scene.scene}" in shown.scenes
+    left_out = kept[1] == LEFT_OUT if kept else not asked
     names = () if left_out else shown.methods
     if kept is not None and kept[0] is not None:
         names = kept[0].methods
@@ -144,7 +145,7 @@ def scene_section(
         methods=here,
         pictures=pictures,
         reason=reason,
-        left_out=reason == LEFT_OUT,
+        left_out=left_out,
         faults=faults,
         rows=rows,
         quiet=quiet,

@@ -50,6 +50,7 @@ def test_scenes_that_are_not_asked_for_have_tables_alone(tiny_run: Path, tmp_pat
         page = opened(path.read_text())
         assert page.count("This page is kept small: it has pictures of some scenes only.") == len(others)
         assert page.count('<section aria-label="Worst squares') == 4
+        assert page.count("Values of single test views") == 1
         assert "No pictures of this scene" not in page
         assert page.count('scope="row"') > 50
 
