@@ -100,7 +100,7 @@ FoundPictures = tuple[ScenePictures | None, str, tuple[MethodFault, ...]]
 """Pictures, why there are none, and methods of which something cannot be shown."""
 
 LEFT_OUT = "this page is kept small: it has pictures of some scenes only"
-"""Reason why a scene that was not chosen has no pictures."""
+"""Reason why a scene that was not chosen has no pictures; published pages are known by these very words."""
 
 
 def scene_section(

@@ -81,9 +81,9 @@ class SunFadedSettings:
     """Weight of the variance of albedo over the surfels, while it moves: of two explanations of a bright
     place the one with more light and less paint is taken. Not in the paper."""
     clearing: float = 0.5
-    """Share of the depth that a camera sees before which no surfel stays: by stereo where it is sure, else by
-    a prior's depth, scaled by the sparse points, else by the nearest of these. 0: surfels may be anywhere.
-    Not in the paper, whose captures have many more views."""
+    """Share of the depth that a camera sees before which no surfel stays: by stereo where it is sure (not
+    asked with ``fill = 0``), else by a prior's depth, scaled by the sparse points, else by the nearest of
+    these. 0: surfels may be anywhere. Not in the paper, whose captures have many more views."""
     ssim_share: float = 0.2
     """SSIM's share of the loss with light; the rest is the mean absolute difference. 0.2 as in the
     released code and in ``2dgs``; of the paper we know only that it compares pictures with the light on."""

@@ -16,7 +16,7 @@ from fuzzer import Budget, fuzz, table
 from fuzzer.corpus import build
 from fuzzer.kinds import DEAR, KINDS
 
-CASES = 50
+CASES = 60
 """Number of cases that CI has time for."""
 
 

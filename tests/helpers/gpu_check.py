@@ -166,27 +166,27 @@ METHODS = {"dark": ("2dgs", "sunfaded"), "multilight": ("gsid",), "tabletop": ("
 BUDGET = {"2dgs": 600, "sunfaded": 600, "gsid": 400, "goris": 400}
 
 
-def scenes(folder: Path) -> None:
+def scenes(folder: str) -> None:
     """Fit rendered scenes on both: PSNR of training and held-out views, and time."""
     say("method | scene | back end | s | PSNR of training views | of held-out views")
     for backend in ("cuda", "cpu"):
         for track, names in METHODS.items():
-            for scene in sorted((folder / track).iterdir()) if (folder / track).is_dir() else ():
+            for scene in sorted(Path(folder).glob(f"{track}/*")):
                 for name in names:
                     case = f"{name}, {scene.name}, {backend}"
                     tried(case, lambda a=(name, scene, backend): _fitted(*a))
 
 
-def one(scene: Path, name: Path, steps: Path, surfels: Path) -> None:
+def one(scene: str, method: str, steps: str, surfels: str) -> None:
     """Fit one rendered scene on the GPU by any number of steps and surfels."""
     say("case | s | PSNR of training views | of held-out views | peak MiB of the GPU")
-    budget = {"iterations": int(str(steps)), "surfels": int(str(surfels))}
+    budget = {"iterations": int(steps), "surfels": int(surfels)}
 
     def row() -> Row:
-        cells = _fitted(str(name), scene, "cuda", budget)
+        cells = _fitted(method, Path(scene), "cuda", budget)
         return *cells, f"{torch.cuda.max_memory_allocated() / 2**20:.0f}"
 
-    tried(f"{name}, {scene.name}, {steps} steps, {surfels} surfels", row)
+    tried(f"{method}, {Path(scene).name}, {steps} steps, {surfels} surfels", row)
 
 
 def _fitted(name: str, scene: Path, backend: str, budget: dict[str, int] | None = None) -> Row:
@@ -213,13 +213,13 @@ PARTS: dict[str, Callable[..., None]] = {
 }
 
 if __name__ == "__main__":
-    part, *folders = sys.argv[1:] or [""]
+    part, *given = sys.argv[1:] or [""]
     if part not in PARTS:
         sys.exit(f"expected one of {', '.join(PARTS)}, got {part!r}")
     if not torch.cuda.is_available():
         sys.exit("expected a GPU that PyTorch can use, got none")
     say(f"# {part}: {torch.cuda.get_device_name()}, PyTorch {torch.__version__}")
     try:
-        PARTS[part](*map(Path, folders))
+        PARTS[part](*given)
     except MethodError as cause:
         sys.exit(str(cause))

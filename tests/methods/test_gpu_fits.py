@@ -85,7 +85,7 @@ def gpu(monkeypatch: pytest.MonkeyPatch) -> Iterator[torch.device]:
 def test_a_fit_on_a_gpu_goes_as_on_the_cpu(name: str, make_scene: Callable[..., Path], gpu: torch.device):
     """All tensors lie where they should, and pictures differ by what rounding grows to."""
     scene = make_scene(track=TRACKS[name], train=4, test=1)
-    changes = {"iterations": 5, "surfels": 150, "fill": 0.0}
+    changes = {"iterations": 10, "surfels": 150, "fill": 0.0}
     shown = [pictures(fitted(name, scene, backend, **changes), scene) for backend in ("cpu", "cuda")]
     assert psnr(*shown) > 40
 
