@@ -16,8 +16,20 @@ from graycard.dataset import manifest_of
 from graycard.io import await_file, remove_leftovers, sha256, writable_folder
 from graycard.machines import Machines
 from graycard.methods.priors import told_exactly
-from graycard.records import RUN_FILE, Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
+from graycard.records import (
+    RUN_FILE,
+    Edition,
+    Job,
+    JobResult,
+    MethodRecord,
+    RunRecord,
+    SceneRecord,
+    Size,
+    read_run,
+)
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
+
+_AS_SUITE = Size()
 
 
 class RunError(GraycardError):
@@ -132,12 +144,12 @@ def of_machines(machines: Machines | None) -> dict[str, Any]:
 
 
 def record_before(
-    run: Path, suite: Suite, budget: float = 1.0, edition: Edition | None = None
+    run: Path, suite: Suite, budget: float = 1.0, size: Size = _AS_SUITE, edition: Edition | None = None
 ) -> RunRecord | None:
     """Return what an earlier bench left in this folder.
 
     Raises:
-        RunError: It was of another suite, at another budget, or of another edition.
+        RunError: It was of another suite, at another budget or size, or of another edition.
     """
     if not (run / RUN_FILE).is_file():
         return None
@@ -145,8 +157,10 @@ def record_before(
         before = read_run(run)
     except RecordError:
         return None  # of an older format or damaged: it is written anew
-    wanted = _kind(suite.name, suite.version, budget, edition)
-    found = _kind(before.suite, before.suite_version, before.budget, before.edition)
+    wanted = _kind(f"{suite.name!r} version {suite.version}", budget, size, edition)
+    found = _kind(
+        f"{before.suite!r} version {before.suite_version}", before.budget, before.size, before.edition
+    )
     if wanted != found:
         raise RunError(
             f"expected {run} to be free or to hold a run of {wanted}, got one of {found}. "
@@ -155,11 +169,13 @@ def record_before(
     return before
 
 
-def _kind(suite: str, version: int, budget: float, edition: Edition | None) -> str:
+def _kind(suite: str, budget: float, size: Size, edition: Edition | None) -> str:
     """Facts that all results of one folder share, in words."""
-    steps = "" if budget == 1 else f" at {budget:g} times its iterations"
+    steps = "" if budget == 1 else f"{budget:g} times its iterations"
+    terms = " and ".join(filter(None, (steps, size.words)))
+    at = f" at {terms}" if terms else ""
     sealed = f" on the sealed scenes of {edition.tag}" if edition else ""
-    return f"{suite!r} version {version}{steps}{sealed}"
+    return f"{suite}{at}{sealed}"
 
 
 def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:

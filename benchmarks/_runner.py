@@ -46,9 +46,10 @@ from graycard.benchmarks._run_record import (
     scene_record,
     tidied,
 )
+from graycard.benchmarks._sizes import at_size, scaled
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder
-from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
+from graycard.benchmarks._suites import KEPT, Suite, public
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
 from graycard.eval import all_metrics
@@ -57,7 +58,7 @@ from graycard.io import sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
-from graycard.records import CLAIMS, COMPARISON, RUN_FILE, Edition, JobResult, RunRecord
+from graycard.records import CLAIMS, COMPARISON, RUN_FILE, Edition, JobResult, RunRecord, Size
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 
@@ -67,6 +68,8 @@ class Terms:
 
     budget: float = 1.0
     """Factor on the iterations of all fits."""
+    size: Size = field(default_factory=Size)
+    """Pictures, views and surfels, where they are not those of the suite."""
     edition: Edition | None = None
     """The tag that vouches for code and claims where scenes are sealed; None: those are refused."""
     allowed: tuple[Path, ...] = ()
@@ -77,6 +80,14 @@ class Terms:
     def __post_init__(self) -> None:
         if not 0 < self.budget < math.inf:
             raise RunError(f"expected a budget above 0, as 0.5 or 2, got {self.budget}. Mend --budget")
+        if not 0 < self.size.surfels < math.inf:
+            raise RunError(
+                f"expected a factor on surfels above 0, as 0.5 or 2, got {self.size.surfels}. Mend --surfels"
+            )
+        if self.edition is not None and self.size.words:
+            raise RunError(
+                f"expected sealed scenes as their suite has them, got {self.size.words}. Leave out --sealed"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +171,7 @@ def run_bench(
         OutputError: The folder cannot be written to, or the disk is full.
     """
     bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, whole, terms)
-    before = record_before(run, suite, terms.budget, terms.edition)
+    before = record_before(run, suite, terms.budget, terms.size, terms.edition)
     if before is not None and before.looks is not None:
         raise RunError(
             f"expected {run} to be free or to hold a run of {suite.name!r}, got one that adds scenes until "
@@ -228,7 +239,8 @@ def _begun(bench: Bench) -> tuple[Bench, list[Introduction]]:
         raise RunError(f"expected 1 or more jobs at a time, got {bench.jobs}. Mend --jobs")
     if bench.terms.edition is None:
         refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
-    return _introduced(bench)
+    sized = at_size(bench.suite, bench.terms.size)
+    return _introduced(replace(bench, suite=sized, whole=bench.whole or bench.suite))
 
 
 def _planned(
@@ -251,32 +263,23 @@ def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
-    """Return what each method says of itself, its iterations by the budget, in the suite as well.
+    """Return what each method says of itself, its steps and surfels as asked for, in the suite as well.
 
     Submitted predictions have to be of a scene of the suite.
     """
     for method in bench.suite.methods:
         if method.predictions:
             check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
-    rows = len(bench.suite.methods)
-    bench.progress(0.0, f"{bench.suite.name}: asking {rows} row{'s' * (rows != 1)} for their settings")
+    count = len(bench.suite.methods)
+    bench.progress(0.0, f"{bench.suite.name}: asking {count} row{'s' * (count != 1)} for their settings")
     told = bench.dataset, bench.run / "jobs", bench.jobs, bench.limits, bench.terms.allowed
     known = introduce(bench.suite.methods, *told)
-    if bench.terms.budget == 1:
-        return bench, known
-    own = [_iterations(row, bench.terms.budget) for row in known]
+    own = [scaled(row.settings, bench.terms.budget, bench.terms.size.surfels) for row in known]
     methods = [
         replace(m, settings={**m.settings, **new}) for m, new in zip(bench.suite.methods, own, strict=True)
     ]
-    scaled = [replace(k, settings={**k.settings, **new}) for k, new in zip(known, own, strict=True)]
-    suite = replace(bench.suite, methods=tuple(methods))
-    return replace(bench, suite=suite, whole=bench.whole or bench.suite), scaled
-
-
-def _iterations(known: Introduction, budget: float) -> dict[str, int]:
-    """Return the iterations of a method at a budget, as settings; none for a method that has none."""
-    own = known.settings.get("iterations")
-    return {"iterations": scaled_iterations(own, budget)} if isinstance(own, int) else {}
+    rows = [replace(k, settings={**k.settings, **new}) for k, new in zip(known, own, strict=True)]
+    return replace(bench, suite=replace(bench.suite, methods=tuple(methods))), rows
 
 
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
@@ -318,6 +321,7 @@ def _record(
         wall_s=bench.elapsed_s(),
         suite_sha256=_keep(bench.whole or suite, run),
         budget=bench.terms.budget,
+        size=bench.terms.size,
         edition=bench.terms.edition,
         commitment=commitment_of(suite),
     )

@@ -239,11 +239,6 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
     return replace(suite, scenes=scenes, methods=tuple(rows))
 
 
-def scaled_iterations(iterations: int, budget: float) -> int:
-    """Return the iterations of a fit at a budget: at least one."""
-    return max(1, round(iterations * budget))
-
-
 def opened(suite: Suite) -> Suite:
     """Return the suite with its sealed scenes in place of its own.
 

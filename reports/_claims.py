@@ -53,6 +53,8 @@ class CheckRow:
     paper: str
     at_budgets: str
     """The estimate at other numbers of steps; empty where nobody measured it."""
+    at_sizes: str
+    """The estimate at each size of pictures, views and surfels; empty where nobody measured it."""
     rows: tuple[tuple[str, str], ...]
     """Label and mean of each compared row."""
     limits: tuple[tuple[str, str], ...]
@@ -194,6 +196,7 @@ def _check(check: CheckResult) -> CheckRow:
         ", ".join(_evidence(check)),
         "" if check.paper is None else format_with_unit(check.paper, check.unit),
         _at_budgets(check),
+        ", ".join(f"{size}: {format_with_unit(value, check.unit)}" for size, value in check.at_sizes.items()),
         tuple((row.row, _mean(row, check)) for row in check.rows),
         _limits(check),
     )

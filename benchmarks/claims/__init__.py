@@ -26,3 +26,5 @@ from graycard.benchmarks.claims._power import Need as Need
 from graycard.benchmarks.claims._power import claims_power as claims_power
 from graycard.benchmarks.claims._rules import OPEN as OPEN
 from graycard.benchmarks.claims._rules import RULES as RULES
+from graycard.benchmarks.claims._sizes import Sized as Sized
+from graycard.benchmarks.claims._sizes import read_sizes as read_sizes

@@ -119,6 +119,14 @@ def summarise(sample: Sample, levels: Levels) -> Effect:
     )
 
 
+def effect_in(readings: Readings, check: Check, track: str, levels: Levels) -> Effect | None:
+    """Return the effect of a check in a run; None where the run lacks it."""
+    try:
+        return summarise(sample_of(check, track, readings), levels)
+    except RecordError:
+        return None
+
+
 Ends = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Estimates, lower and upper ends of many samples."""
 

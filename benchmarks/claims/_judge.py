@@ -7,16 +7,14 @@ from pathlib import Path
 from graycard import RecordError
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
 from graycard.benchmarks.claims._claim import Paper, claims_names, claims_path, load_claims
-from graycard.benchmarks.claims._fitted import means_of_suite
+from graycard.benchmarks.claims._fitted import Scale, scale_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.claims._rules import RULES
+from graycard.benchmarks.claims._sizes import Sized
 from graycard.benchmarks.claims._verdicts import Case, judge_claim
 from graycard.eval.statistics import LEVEL
-from graycard.io import read_json, sha256
+from graycard.io import sha256
 from graycard.records import RUN_FILE, ClaimResult, Ledger, PaperResult, RunRecord
-
-SUITE = "suite.json"
-"""The suite that a run folder keeps."""
 
 
 def judge_claims(
@@ -27,6 +25,7 @@ def judge_claims(
     any_suite: bool = False,
     level: float = LEVEL,
     budgets: Mapping[float, RunRecord] | None = None,
+    sizes: Sequence[Sized] = (),
 ) -> Ledger:
     """Return the ledger of a run; a pure function of what its folder keeps and of the files of claims.
 
@@ -37,6 +36,7 @@ def judge_claims(
         any_suite: Also judge claims that are made for the runs of another suite.
         level: Of the intervals, between 0 and 1.
         budgets: Runs of the same scenes with other numbers of steps, by their factor, as 0.5 and 2.
+        sizes: Runs that differ in size alone, of :func:`read_sizes`; verdicts that would turn are named.
 
     Raises:
         UnknownNameError: There are no such claims.
@@ -44,11 +44,11 @@ def judge_claims(
     """
     if not any_suite:
         _check_suites(record.suite, names)
-    here = means_of_suite(read_json(run / SUITE) if (Path(run) / SUITE).is_file() else {})
+    scale = scale_of(run, record.size)
     papers = []
     for name in names:
         paper = load_claims(name)
-        claims = judge_paper(paper, record, level, here=here, budgets=budgets)
+        claims = judge_paper(paper, record, level, scale=scale, budgets=budgets, sizes=sizes)
         papers.append(PaperResult(paper.name, paper.version, paper.title, sha256(claims_path(name)), claims))
     rows = {method.name: method.summary for method in record.methods}
     digest = sha256(Path(run) / RUN_FILE)
@@ -80,8 +80,9 @@ def judge_paper(
     record: RunRecord,
     level: float = LEVEL,
     *,
-    here: Mapping[str, str] | None = None,
+    scale: Scale | None = None,
     budgets: Mapping[float, RunRecord] | None = None,
+    sizes: Sequence[Sized] = (),
 ) -> tuple[ClaimResult, ...]:
     """Return the verdicts on all claims of one paper, and on its tables.
 
@@ -89,12 +90,13 @@ def judge_paper(
         paper: The claims.
         record: Of the run.
         level: Of the intervals.
-        here: Pixels, views and other means of the run, to stand beside those of the paper.
+        scale: Pixels and views of the run, to stand beside those of the paper.
         budgets: As of :func:`judge_claims`.
+        sizes: As of :func:`judge_claims`.
     """
     readings = Readings(record)
     others = {factor: Readings(other) for factor, other in (budgets or {}).items()}
-    case = Case(paper, readings, level, here or {}, others)
+    case = Case(paper, readings, level, scale, others, tuple(sizes))
     claims = (judge_claim(claim, case) for claim in paper.claims)
     return *claims, *(judge_arithmetic(found) for found in paper.arithmetic)
 

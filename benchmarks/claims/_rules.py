@@ -2,10 +2,10 @@
 """From an effect to a verdict."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from graycard.benchmarks.claims._claim import Check
+from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect, Interval
 from graycard.eval.statistics import LEVEL, least_scenes
 from graycard.records import ClaimVerdict
@@ -47,6 +47,8 @@ RULES = {
     "photographs worse on the scenes of a claim, by more than 0.1 dB in the centre, is not fitted to "
     "the end: the claim is undecided until it is",
     "budgets": "a verdict that turns when each fit has half or twice the steps is undecided",
+    "sizes": "where runs differ in size alone, each check is told at each of them. Its few scenes decide "
+    "nothing: a verdict that the estimates alone would turn is named, and stands",
     "not testable here": "rows, scenes or scores are missing in this run, or the claim needs what is "
     "not here. A row without a score on one scene is never judged on the others",
     "own questions": "graycard asks more than papers claim. Such a question holds, does not hold, or "
@@ -71,6 +73,11 @@ OWN: dict[ClaimVerdict, ClaimVerdict] = {
     "undecided": "open",
 }
 """The words of graycard's own questions."""
+
+
+def words_of(claim: Claim) -> Mapping[ClaimVerdict, ClaimVerdict]:
+    """Return the words in place of the rules': those of graycard's own questions."""
+    return OWN if claim.asked_by == "graycard" else {}
 
 
 OPEN: Final = frozenset({"undecided", "open"})

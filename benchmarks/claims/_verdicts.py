@@ -8,8 +8,16 @@ from typing import NamedTuple
 
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity
-from graycard.benchmarks.claims._effects import Effect, Levels, Sample, p_of, sample_of, spread_of, summarise
-from graycard.benchmarks.claims._fitted import budget_of, suspension
+from graycard.benchmarks.claims._effects import (
+    Levels,
+    Sample,
+    effect_in,
+    p_of,
+    sample_of,
+    spread_of,
+    summarise,
+)
+from graycard.benchmarks.claims._fitted import Scale, budget_of, suspension
 from graycard.benchmarks.claims._noise import FitNoise, noise_of
 from graycard.benchmarks.claims._readings import Reading, Readings
 from graycard.benchmarks.claims._rules import (
@@ -20,7 +28,9 @@ from graycard.benchmarks.claims._rules import (
     is_decided,
     levels_for,
     verdict_of,
+    words_of,
 )
+from graycard.benchmarks.claims._sizes import Sized, estimates_at, turned_by_size
 from graycard.benchmarks.claims._stability import Deciding, Judged
 from graycard.benchmarks.claims._words import (
     beside_words,
@@ -44,15 +54,19 @@ class Case:
     readings: Readings
     level: float
     """Level of intervals that every deciding check has to agree on."""
-    here: Mapping[str, str] = field(default_factory=dict)
-    """Means of the run, by what is counted."""
+    scale: Scale | None = None
+    """Pixels and views of the run; None where nobody knows."""
     budgets: Mapping[float, Readings] = field(default_factory=dict)
     """Runs of the same scenes with other steps, by their factor."""
+    sizes: tuple[Sized, ...] = ()
+    """Runs that differ in size alone, from small to large."""
 
     def means(self) -> dict[str, str]:
         """Return means of the run by what is counted, with the other budgets that stand beside it."""
         others = ", ".join(f"{factor:g} times the steps" for factor in sorted(self.budgets))
-        return {**self.here, "other budgets": others or "not run"}
+        found = self.scale.means() if self.scale else {}
+        sizes = {"other sizes": "; ".join(size.words for size in self.sizes)} if self.sizes else {}
+        return {**found, "other budgets": others or "not run", **sizes}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +108,13 @@ def judge_claim(claim: Claim, case: Case) -> ClaimResult:
         budget_of(claim, case.paper, case.readings, case.means()),
         claim.figures,
         claim.notes,
+        "" if verdict == NOT_TESTABLE else _turned_by_size(claim, case),
     )
+
+
+def _turned_by_size(claim: Claim, case: Case) -> str:
+    here = case.scale.words if case.scale else ""
+    return turned_by_size(claim, case.sizes, here, case.paper.track, _levels(claim, case.level))
 
 
 def _in_words_of(check: CheckResult, deciding: Deciding) -> CheckResult:
@@ -118,12 +138,7 @@ def _deciding(claim: Claim, made: Sequence[_Made], level: float) -> Deciding:
     mine = [check for check in made if check.result.decides]
     checks = tuple(check.judged for check in mine if check.judged is not None)
     others: list[ClaimVerdict] = [check.result.verdict for check in mine if check.judged is None]
-    return Deciding(checks, tuple(others), _levels(claim, level), claim.verdict_by, _words(claim))
-
-
-def _words(claim: Claim) -> Mapping[ClaimVerdict, ClaimVerdict]:
-    """Return the words in place of the rules'."""
-    return OWN if claim.asked_by == "graycard" else {}
+    return Deciding(checks, tuple(others), _levels(claim, level), claim.verdict_by, words_of(claim))
 
 
 def _held(claim: Claim, deciding: Deciding, stability: float | None, case: Case) -> Iterator[_Held]:
@@ -163,17 +178,9 @@ def _verdict_by(readings: Readings, claim: Claim, case: Case) -> ClaimVerdict:
     levels, found = _levels(claim, case.level), list[ClaimVerdict]()
     for check in claim.checks:
         if check.decides:
-            effect = _effect_in(readings, check, case.paper.track, levels)
+            effect = effect_in(readings, check, case.paper.track, levels)
             found.append(verdict_of(check, effect, claim.verdict_by) if effect else NOT_TESTABLE)
     return combined(found, claim.verdict_by)
-
-
-def _effect_in(readings: Readings, check: Check, track: str, levels: Levels) -> Effect | None:
-    """Return the effect of a check in a run; None where the run lacks it."""
-    try:
-        return summarise(sample_of(check, track, readings), levels)
-    except RecordError:
-        return None
 
 
 def _check(check: Check, claim: Claim, case: Case, levels: Levels) -> _Made:
@@ -185,7 +192,7 @@ def _check(check: Check, claim: Claim, case: Case, levels: Levels) -> _Made:
     effect = summarise(sample, levels)
     verdict = verdict_of(check, effect, claim.verdict_by)
     judged = Judged(sample, effect, verdict, noise_of(sample, case.paper.track, case.readings))
-    alone = Deciding((judged,), (), levels, claim.verdict_by, _words(claim))
+    alone = Deciding((judged,), (), levels, claim.verdict_by, words_of(claim))
     result = replace(
         told,
         verdict=verdict,
@@ -198,6 +205,7 @@ def _check(check: Check, claim: Claim, case: Case, levels: Levels) -> _Made:
         noise_from=judged.noise.source if judged.noise else "",
         stability=alone.stability(),
         at_budgets=_at_budgets(check, case, levels),
+        at_sizes=estimates_at(case.sizes, check, case.paper.track, levels),
     )
     return _Made(_beside(result, judged, claim, case), judged)
 
@@ -261,7 +269,7 @@ def _scene_sd(sample: Sample, noise: FitNoise | None) -> float:
 
 def _at_budgets(check: Check, case: Case, levels: Levels) -> dict[str, float]:
     """Return the estimate in runs with other steps, by their factor; without those that lack it."""
-    effects = {f: _effect_in(run, check, case.paper.track, levels) for f, run in sorted(case.budgets.items())}
+    effects = {f: effect_in(run, check, case.paper.track, levels) for f, run in sorted(case.budgets.items())}
     return {f"{factor:g}": effect.estimate for factor, effect in effects.items() if effect}
 
 

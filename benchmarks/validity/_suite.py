@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from graycard import DatasetError, GraycardError
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, scaled_iterations, suite_names
+from graycard.benchmarks._sizes import at_size, scaled
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, suite_names
 from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.methods.priors import PriorSpec
@@ -105,6 +106,7 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
     """
     if not run.results:
         return []
+    suite = at_size(suite, run.size)
     found = [*_missing_scenes(run, suite), *_missing_seeds(run, suite)]
     specs = {(spec.track, scene_name(spec)): spec for spec in _scenes(run, suite)}
     for scene in run.scenes:
@@ -113,7 +115,7 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
     methods = {method.row: method for method in suite.methods}
     for result in run.results:
         if method := methods.get(result.job.method):
-            found += _other_method(result, method, run.budget)
+            found += _other_method(result, method, run)
     return found
 
 
@@ -159,10 +161,9 @@ def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -
         yield Breach(RULE, f"{scene.track}/{scene.scene}", what)
 
 
-def _other_method(result: JobResult, method: SuiteMethod, budget: float) -> Iterator[Breach]:
-    job, settings = result.job, dict(method.settings)
-    if isinstance(steps := settings.get("iterations"), int):
-        settings["iterations"] = scaled_iterations(steps, budget)
+def _other_method(result: JobResult, method: SuiteMethod, run: RunRecord) -> Iterator[Breach]:
+    job = result.job
+    settings = {**method.settings, **scaled(method.settings, run.budget, run.size.surfels)}
     wanted: dict[str, Any] = {"entry": method.entry, "settings": settings}
     found = {"entry": job.entry, "settings": job.settings}
     if job.priors or method.priors != PriorSpec():

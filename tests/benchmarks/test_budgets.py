@@ -34,7 +34,7 @@ def test_iterations_of_each_row_are_multiplied(tmp_path: Path, monkeypatch: pyte
     suite = load_suite(str(write_reserve_suite(tmp_path)))
     suite = replace(suite, methods=suite.methods[:2])
     bench = _runner.Bench(suite, tmp_path, tmp_path, 1, silent, USUAL, None, Terms(0.5))
-    scaled, found = _runner._introduced(bench)
+    scaled, found = _runner._begun(bench)
     assert [k.settings for k in found] == [{"iterations": 500, "lamps": 8}, {"reflectance": 0.18}]
     assert [dict(m.settings) for m in scaled.suite.methods] == [{"iterations": 500}, {}]
     assert scaled.whole == suite

@@ -51,8 +51,9 @@ def paper_of(*checks: Check, **more: Any) -> Paper:
 
 
 def judged(run: RunRecord, *checks: Check, **more: Any) -> ClaimResult:
-    """Return the result of the claim; ``level`` and ``budgets`` are those of the judge."""
-    options = {name: more.pop(name) for name in ("level", "budgets") if name in more}
+    """Return the result of the claim; ``level``, ``budgets``, ``scale`` and ``sizes`` are the judge's."""
+    names = "level", "budgets", "scale", "sizes"
+    options = {name: more.pop(name) for name in names if name in more}
     return judge_paper(paper_of(*checks, **more), run, **options)[0]
 
 

@@ -208,7 +208,13 @@ def test_a_verdict_that_is_held_back_says_why_and_what_it_needs(run: Path) -> No
     held = replace(
         CLAIM, verdict="undecided", before="reproduced", suspended="mine has not converged",
         needs="12 more scenes", stability=0.815,
-        checks=(replace(CHECK, seed_sd=0.2, scene_sd=1.0, stability=0.815, at_budgets={"0.5": 1.0}),),
+        checks=(
+            replace(
+                CHECK, seed_sd=0.2, scene_sd=1.0, stability=0.815, at_budgets={"0.5": 1.0},
+                at_sizes={"112 x 112 pixels, 20 views": 1.0, "256 x 256 pixels, 20 views": 0.25},
+            ),
+        ),
+        turns="by estimates alone reproduced at 112, but smaller than claimed at 256",
     )  # fmt: skip
     write_json(run / CLAIMS, ledger_of(held))
     text = text_of(run)
@@ -218,6 +224,8 @@ def test_a_verdict_that_is_held_back_says_why_and_what_it_needs(run: Path) -> No
         "82% of simulated refits agree with the checks.",
         "SD of scenes 1.00 dB, SD of fits 0.20 dB, stability 82%",
         "half the steps 1.00 dB",
+        "112 x 112 pixels, 20 views: 1.00 dB, 256 x 256 pixels, 20 views: 0.25 dB",
+        "<strong>With size:</strong> by estimates alone reproduced at 112, but smaller than claimed at 256.",
     )
     for words in told:
         assert words in text, words

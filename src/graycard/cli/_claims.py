@@ -52,6 +52,9 @@ class ClaimsCommand:
     A verdict that turns between the budgets is undecided."""
     twice: Annotated[Path | None, optional("RUN")] = None
     """The same scenes at twice the budget, by `graycard bench SUITE --budget 2`."""
+    sizes: Annotated[tuple[Path, ...], optional("RUN ...")] = ()
+    """Runs of one suite that differ in size alone, by `graycard bench SUITE --pixels 256`, `--views` or
+    `--surfels`. Checks are told at each size, and a verdict that the estimates alone would turn is named."""
     power: bool = False
     """Also say how many scenes or seeds each undecided claim needs, and what they cost here."""
     history: bool = False
@@ -105,8 +108,8 @@ class ClaimsCommand:
 
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
-        budgets = self._budgets(record)
-        found = judge_run(record, run, names, any_suite=self.any_suite, **budgets)
+        others = self._others(record)
+        found = judge_run(record, run, names, any_suite=self.any_suite, **others)
         for name, suite in made_for_others(record.suite, names).items():
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
@@ -130,7 +133,8 @@ class ClaimsCommand:
         """
         given = {
             "--claims": self.claims, "--any-suite": self.any_suite, "--checks": self.checks,
-            "--half": self.half, "--twice": self.twice, "--power": self.power, "--republish": self.republish,
+            "--half": self.half, "--twice": self.twice, "--sizes": self.sizes, "--power": self.power,
+            "--republish": self.republish,
         }  # fmt: skip
         if named := [name for name, value in given.items() if value]:
             raise GraycardError(
@@ -143,22 +147,24 @@ class ClaimsCommand:
         Raises:
             GraycardError: One is given.
         """
-        given = {"--half": self.half, "--twice": self.twice, "--power": self.power}
+        given = {"--half": self.half, "--twice": self.twice, "--sizes": self.sizes, "--power": self.power}
         if named := [name for name, value in given.items() if value]:
             raise GraycardError(f"expected a run with {', '.join(named)}, got none. Name its folder first")
 
-    def _budgets(self, record: RunRecord) -> dict[str, Any]:
-        """Return the runs at other budgets, checked, as an argument of the judge; nothing without any.
+    def _others(self, record: RunRecord) -> dict[str, Any]:
+        """Return the runs at other budgets and sizes, checked, as arguments of the judge; none without any.
 
         Raises:
-            RecordError: One differs from the run in more than its budget.
+            RecordError: One differs from the run in more than its budget, or from those of other sizes in
+                more than its size.
         """
-        from graycard.benchmarks.claims import check_budgets
+        from graycard.benchmarks.claims import check_budgets, read_sizes
 
         given = {factor: run for factor, run in ((0.5, self.half), (2.0, self.twice)) if run is not None}
         budgets = {factor: read_run(run) for factor, run in given.items()}
         check_budgets(record, budgets)
-        return {"budgets": budgets} if budgets else {}
+        sizes = read_sizes(self.sizes)
+        return ({"budgets": budgets} if budgets else {}) | ({"sizes": sizes} if sizes else {})
 
     def _show_power(self, terminal: Terminal, found: Ledger, run: Path) -> None:
         """Show what undecided claims need."""
@@ -208,6 +214,8 @@ def _why(claim: ClaimResult) -> str:
     found = claim.suspended or claim.text
     if claim.before is not None:
         found += f". By the checks alone: {claim.before}"
+    if claim.turns:
+        found += f". With size: {claim.turns}"
     return f"{found}. To decide it: {claim.needs}" if claim.needs else found
 
 

@@ -56,3 +56,4 @@ from graycard.records._run import is_published_run as is_published_run
 from graycard.records._run import job_folder as job_folder
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet
+from graycard.records._size import Size as Size

@@ -77,6 +77,8 @@ class CheckResult:
     """Share of simulated refits of the same scenes with the same verdict; None where ``seed_sd`` is."""
     at_budgets: Mapping[str, float] = field(default_factory=dict)
     """The estimate in runs with other budgets of steps, by their factor, as ``0.5``."""
+    at_sizes: Mapping[str, float] = field(default_factory=dict)
+    """The estimate on the scenes of runs that differ in size alone, by their size in words."""
     neutral: float = 0.0
     """The effect that is none: 0, of a ratio 1."""
     paper: float | None = None
@@ -143,6 +145,8 @@ class ClaimResult:
     """Figures of the paper, by name."""
     notes: tuple[str, ...] = ()
     """Differences from the paper."""
+    turns: str = ""
+    """At which size of pictures the estimates alone would turn the verdict, in words; empty if at none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from graycard.io import (
     read_json,
 )
 from graycard.records._looks import Edition, Looks
+from graycard.records._size import Size
 
 RUN_FILE = "run.json"
 PUBLISHED_PAGE = "index.html"
@@ -260,6 +261,8 @@ class RunRecord:
     before it."""
     budget: float = 1.0
     """Factor on the iterations of all fits, beside what the suite asks for."""
+    size: Size = field(default_factory=Size)
+    """Size of pictures, views and surfels, where it is not that of the suite."""
     edition: Edition | None = None
     """Edition of a run on sealed scenes; None for any other."""
     looks: Looks | None = None

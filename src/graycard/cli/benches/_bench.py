@@ -22,7 +22,7 @@ from graycard.cli.benches._lines import failures as failed_lines
 from graycard.cli.benches._lines import left_out, show_looks
 from graycard.cli.benches._standings import show_standings
 from graycard.io import Progress, lock_words
-from graycard.records import RunRecord
+from graycard.records import RunRecord, Size
 
 if TYPE_CHECKING:
     from graycard.benchmarks import Salt, Suite, Terms
@@ -85,6 +85,12 @@ class BenchCommand:
     the public ones are run."""
     budget: float = 1.0
     """Multiply the iterations of all fits, as by 0.5 or 2, for `graycard claims --half --twice`."""
+    pixels: Annotated[int | None, optional("WIDTH")] = None
+    """Render pictures so many pixels wide, for `graycard claims --sizes`; their height follows."""
+    views: Annotated[int | None, optional("N")] = None
+    """Render so many training views of each scene, for the same."""
+    surfels: float = 1.0
+    """Multiply the surfels of all fits, for the same."""
     scheduler: Annotated[str | None, optional("local|ADDRESS|FILE.toml")] = None
     """Let Dask hand the jobs out: to workers of this machine, to those of a scheduler at tcp://HOST:PORT, or
     to the cluster that FILE.toml describes (docs/how-to/many-machines.md). This machine's processes by
@@ -139,8 +145,9 @@ class BenchCommand:
         self._check_pairs()
         others = {
             "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
-            "--sealed": self.sealed, "--budget": self.budget != 1, "--salt": self.salt is not None,
-            "--only": self.only is not None,
+            "--sealed": self.sealed, "--budget": self.budget != 1, "--pixels": self.pixels is not None,
+            "--views": self.views is not None, "--surfels": self.surfels != 1,
+            "--salt": self.salt is not None, "--only": self.only is not None,
         }  # fmt: skip
         given = [name for name, value in others.items() if value]
         if self.until_decided and given:
@@ -194,15 +201,27 @@ class BenchCommand:
         rows = with_rows(scenes, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
-        kind = f"{'-sealed' * self.sealed}{f'-budget-{self.budget:g}' if self.budget != 1 else ''}"
-        run = self.out or Path("runs") / f"{suite.name}{kind}"
+        run = self.out or Path("runs") / f"{suite.name}{self._kind()}"
         is_part = self.tracks or self.methods or self.predictions or self.sealed
         return _Chosen(suite, run, whole if is_part else None)
+
+    def _kind(self) -> str:
+        """Return the end of the run folder's name: what is other than in the suite."""
+        told = (
+            "-sealed" if self.sealed else "",
+            f"-budget-{self.budget:g}" if self.budget != 1 else "",
+            f"-{self.pixels}-pixels" if self.pixels is not None else "",
+            f"-{self.views}-views" if self.views is not None else "",
+            f"-surfels-{self.surfels:g}" if self.surfels != 1 else "",
+        )
+        return "".join(told)
 
     def _terms(self, machines: Machines | None) -> Terms:
         from graycard.benchmarks import Terms, find_edition
 
-        return Terms(self.budget, find_edition(self.suite) if self.sealed else None, self.allow, machines)
+        size = Size(self.pixels, self.views, self.surfels)
+        edition = find_edition(self.suite) if self.sealed else None
+        return Terms(self.budget, size, edition, self.allow, machines)
 
     def _bench(self, course: _Course, salt: Salt | None) -> tuple[Path, RunRecord]:
         """Run the suite, or a part of it."""
