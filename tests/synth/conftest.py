@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Renderer variants, and a small scene made by hand."""
+"""Renderer variants, a small scene made by hand, and tiny scenes that are rendered once."""
 
+import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from graycard import Camera, Light, RenderError, View, look_at
-from graycard.synth import Ball, Matte, Quad, Scene, Thing, use_renderer
+from graycard import TRACKS, Camera, Light, RenderError, View, look_at
+from graycard.io import to_builtins
+from graycard.synth import Ball, Matte, Quad, Scene, SceneSpec, Thing, render_scene, use_renderer
 from graycard.synth.renderer._variant import LLVM_RGB, SCALAR
+from tiny_tables import HIDDEN, RENDER, TABLE, TINY, RunPython
 
 LLVM_PATH = "DRJIT_LIBLLVM_PATH"
 
@@ -86,3 +91,48 @@ def make_plane() -> Callable[..., Scene]:
         return Scene((floor, *balls), lights, (View("train_000", "train", camera),), sky)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def in_process(run_python: RunPython) -> RunPython:
+    """``in_process(out, spec, threads, kill_at, hide)`` renders in a process of its own."""
+
+    def run(
+        out: Path, spec: SceneSpec = TABLE, threads: int | None = None, kill_at: str = "", hide: bool = True
+    ) -> subprocess.CompletedProcess[str]:
+        request = json.dumps([to_builtins(spec), to_builtins(TINY), str(out), threads, kill_at])
+        return run_python(RENDER, request, **(HIDDEN if hide else {}))
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def told() -> dict[str, list[tuple[float, str]]]:
+    """Progress that the rendering of each track has told of."""
+    return {track: [] for track in TRACKS}
+
+
+@pytest.fixture(scope="session")
+def rendered(
+    tmp_path_factory: pytest.TempPathFactory, told: dict[str, list[tuple[float, str]]]
+) -> dict[str, Path]:
+    """One tiny scene a track, not to be changed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DRJIT_LIBLLVM_PATH", HIDDEN["DRJIT_LIBLLVM_PATH"])
+        out = tmp_path_factory.mktemp("rendered")
+        specs = [SceneSpec("dark", "corridor", 0), TABLE, SceneSpec("multilight", "studio", 0)]
+        found = {}
+        for spec in specs:
+            heard = told[spec.track]
+            found[spec.track] = render_scene(
+                spec, TINY, out, lambda done, doing, heard=heard: heard.append((done, doing)), threads=2
+            )
+        return found
+
+
+@pytest.fixture
+def table(rendered: dict[str, Path], tmp_path: Path, no_llvm: str) -> Path:
+    """A copy of the tabletop scene in a dataset of its own."""
+    target = tmp_path / "dataset" / "tabletop" / rendered["tabletop"].name
+    shutil.copytree(rendered["tabletop"], target)
+    return target
