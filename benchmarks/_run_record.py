@@ -25,6 +25,7 @@ from graycard.records import (
     RunRecord,
     SceneRecord,
     Size,
+    departures,
     read_run,
 )
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
@@ -171,8 +172,7 @@ def record_before(
 
 def _kind(suite: str, budget: float, size: Size, edition: Edition | None) -> str:
     """Facts that all results of one folder share, in words."""
-    steps = "" if budget == 1 else f"{budget:g} times its iterations"
-    terms = " and ".join(filter(None, (steps, size.words)))
+    terms = departures(budget, size)
     at = f" at {terms}" if terms else ""
     sealed = f" on the sealed scenes of {edition.tag}" if edition else ""
     return f"{suite}{at}{sealed}"

@@ -49,7 +49,7 @@ from graycard.benchmarks._run_record import (
 from graycard.benchmarks._sizes import at_size, scaled
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder
-from graycard.benchmarks._suites import KEPT, Suite, public
+from graycard.benchmarks._suites import Suite, public
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
 from graycard.eval import all_metrics
@@ -58,7 +58,7 @@ from graycard.io import sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
-from graycard.records import CLAIMS, COMPARISON, RUN_FILE, Edition, JobResult, RunRecord, Size
+from graycard.records import CLAIMS, COMPARISON, RUN_FILE, SUITE_FILE, Edition, JobResult, RunRecord, Size
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 
@@ -80,13 +80,10 @@ class Terms:
     def __post_init__(self) -> None:
         if not 0 < self.budget < math.inf:
             raise RunError(f"expected a budget above 0, as 0.5 or 2, got {self.budget}. Mend --budget")
-        if not 0 < self.size.surfels < math.inf:
-            raise RunError(
-                f"expected a factor on surfels above 0, as 0.5 or 2, got {self.size.surfels}. Mend --surfels"
-            )
         if self.edition is not None and self.size.words:
             raise RunError(
-                f"expected sealed scenes as their suite has them, got {self.size.words}. Leave out --sealed"
+                f"expected sealed scenes at the size of their suite, got {self.size.words}. Leave out "
+                "--pixels, --views and --surfels"
             )
 
 
@@ -223,6 +220,7 @@ def run_part(
     Raises:
         GraycardError: As of :func:`run_bench`.
     """
+    record_before(run, suite, terms.budget, terms.size, terms.edition)  # refuses that of another run
     bench, known = _begun(Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, None, terms))
     scenes, own = part_of_plan(bench.suite, part)
     if scenes.start == scenes.stop:
@@ -275,6 +273,8 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     told = bench.dataset, bench.run / "jobs", bench.jobs, bench.limits, bench.terms.allowed
     known = introduce(bench.suite.methods, *told)
     own = [scaled(row.settings, bench.terms.budget, bench.terms.size.surfels) for row in known]
+    if bench.terms.size.surfels != 1 and not any("surfels" in new for new in own):
+        raise RunError("expected a row with surfels for --surfels, got none. Leave it out")
     methods = [
         replace(m, settings={**m.settings, **new}) for m, new in zip(bench.suite.methods, own, strict=True)
     ]
@@ -372,8 +372,8 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
 
 def _keep(suite: Suite, run: Path) -> str:
     """Write the suite beside its run, without what a salt has opened in it, and give its hash."""
-    write_json(run / KEPT, public(suite))
-    return sha256(run / KEPT)
+    write_json(run / SUITE_FILE, public(suite))
+    return sha256(run / SUITE_FILE)
 
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:

@@ -7,33 +7,25 @@ from typing import Any
 
 from graycard import RecordError
 from graycard.benchmarks._suites import Suite
-from graycard.records import Size
-from graycard.synth import RenderSettings
+from graycard.records import Scale, Size
 
 
 def at_size(suite: Suite, size: Size) -> Suite:
     """Return a suite whose pictures have another size or number; its scenes stay what they are.
 
-    Light paths a pixel stay as well, so that pixels are as noisy as before.
+    Light paths a pixel stay as well, so that pixels are as noisy as before. All cameras follow from the
+    number of views, so other training views move those that are held out, too.
 
     Raises:
-        RecordError: Pictures would be too small, or views too few.
+        RecordError: Pictures would be too small.
     """
+    render = suite.render
+    scale = size.of(Scale(render.width, render.height, render.train_views, render.test_views))
     try:
-        return replace(suite, render=rendered_at(suite.render, size))
+        sized = replace(render, width=scale.width, height=scale.height, train_views=scale.train_views)
     except ValueError as cause:
-        raise RecordError(f"{cause}. Mend --pixels or --views") from None
-
-
-def rendered_at(render: RenderSettings, size: Size) -> RenderSettings:
-    """Return how pictures of another size or number are rendered; width and height keep their ratio.
-
-    Raises:
-        ValueError: They would be too small, or views too few.
-    """
-    width = render.width if size.width is None else size.width
-    views = render.train_views if size.train_views is None else size.train_views
-    return replace(render, width=width, height=round(render.height * width / render.width), train_views=views)
+        raise RecordError(f"{cause}. Mend --pixels") from None
+    return replace(suite, render=sized)
 
 
 def scaled(settings: Mapping[str, Any], budget: float, surfels: float = 1.0) -> dict[str, int]:

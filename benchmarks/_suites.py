@@ -19,8 +19,6 @@ from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, SecretSpec, all_families, scene_name
 
-KEPT = "suite.json"
-"""The suite as a run folder keeps it."""
 FOLDER = Path(__file__).parent / "suites"
 
 

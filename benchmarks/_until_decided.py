@@ -25,7 +25,7 @@ from graycard.benchmarks.claims import (
 from graycard.eval.statistics import LEAST_SCENES, level_up_to
 from graycard.io import dumps, sha256
 from graycard.processes import USUAL, Limits
-from graycard.records import RUN_FILE, Look, Looks, RunRecord
+from graycard.records import RUN_FILE, Look, Looks, RunRecord, departures
 from graycard.synth import SceneSpec
 
 _AS_IT_IS = Terms()
@@ -65,9 +65,14 @@ def run_until_decided(
         terms: As of :func:`run_bench`, at the budget of the suite, on scenes that are not sealed.
 
     Raises:
-        RunError: The plan cannot be kept, or is not that which the run began with.
+        RunError: The plan cannot be kept, or is not that which the run began with, or terms ask for other
+            steps or another size than the suite.
         GraycardError: As of :func:`run_bench`, and of claims that are broken.
     """
+    if departs := departures(terms.budget, terms.size):
+        raise RunError(
+            f"expected the suite as it is for a run until claims are decided, got one at {departs}"
+        )
     names = plan.claims or tuple(claims_of_suite(suite.name))
     pursued = pursue([load_claims(name) for name in names], suite.added)
     _check_claims(suite, names, pursued)

@@ -40,7 +40,7 @@ def budget_table(budget: Budget) -> BudgetTable | None:
 
 def _of_paper(name: str, budget: Budget) -> str:
     """Return what the paper used; empty for what is a matter of this run alone."""
-    return budget.paper.get(name, "" if name == "other budgets" else "not told")
+    return budget.paper.get(name, "" if name in ("other budgets", "other sizes") else "not told")
 
 
 def _steps(fits: Sequence[RowFit]) -> str:

@@ -47,6 +47,7 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     """Return the run and its environment; each mapping or list of the environment is a group of its own."""
     own = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
+        *([("other than in the suite", record.departs)] if record.departs else []),
         ("started", format_date(record.started)),
         ("wall time", format_seconds(record.wall_s)),
         ("jobs", _count_jobs(record.results)),

@@ -115,6 +115,7 @@ def build_page(
         count(len(record.scenes), "scene"),
         count(len(record.methods), "row"),
         count(len(record.results), "job"),
+        *([f"at {record.departs}"] if record.departs else []),
     )
     return Page(
         suite=record.suite,

@@ -9,12 +9,20 @@ from pathlib import Path
 
 from graycard import OutputError, RecordError
 from graycard.io import atomic_folder, read_json, sha256, to_builtins
-from graycard.records import CLAIMS, PUBLISHED_PAGE, RUN_FILE, Ledger, read_ledger, read_run
+from graycard.records import (
+    CLAIMS,
+    HISTORY,
+    PUBLISHED_PAGE,
+    RUN_FILE,
+    SUITE_FILE,
+    Ledger,
+    RunRecord,
+    read_ledger,
+    read_run,
+)
 from graycard.reports._scene_section import ALL, Shown
 from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
-
-SUITE = "suite.json"
 
 
 def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -> float:
@@ -35,11 +43,12 @@ def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -
     Raises:
         RecordError: There is no ``run.json``, it is damaged, or it has no method or scene of such a name. The
             ledger is damaged, of an older format or of another run. A verdict changed and the history says no
-            reason.
+            reason. The run has other steps or another size than its suite, beside a history of the suite.
         OutputError: It would be larger than the limit, or it cannot be written, or is in use.
     """
     run = Path(run)
-    started, ledger = read_run(run).started, ledger_of_run(run)
+    record, ledger = read_run(run), ledger_of_run(run)
+    _refuse_departures(record, Path(folder).parent)
     content = {PUBLISHED_PAGE: report_of(run, shown), **_kept_records(run, ledger)}
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
@@ -49,13 +58,26 @@ def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -
             f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
             "--pictures or fewer scenes for --scenes, or raise --limit-mib"
         )
-    kept = _continued(Path(folder), content, started)
+    kept = _continued(Path(folder), content, record.started)
     with atomic_folder(folder) as partial:
         for name, data in content.items():
             (partial / name).write_bytes(data)
     if kept:
         kept.write()
     return whole
+
+
+def _refuse_departures(record: RunRecord, folder: Path) -> None:
+    """Refuse a run that is not as its suite asks where a folder keeps the history of the suite's verdicts.
+
+    Raises:
+        RecordError: It is one.
+    """
+    if record.departs and (folder / HISTORY).is_file():
+        raise RecordError(
+            f"expected a run as {record.suite} asks for, as {folder} keeps the history of its verdicts, got "
+            f"one at {record.departs}. Publish it elsewhere"
+        )
 
 
 def ledger_of_run(run: Path) -> Ledger | None:
@@ -79,8 +101,8 @@ def _kept_records(run: Path, ledger: Ledger | None) -> dict[str, bytes]:
     record = read_json(run / RUN_FILE)
     record["scenes"] = [s | {"folder": f"dataset/{s['track']}/{s['scene']}"} for s in record["scenes"]]
     found = {RUN_FILE: _packed(record)}
-    if (run / SUITE).is_file():
-        found[SUITE] = (run / SUITE).read_bytes()  # run.json has its hash
+    if (run / SUITE_FILE).is_file():
+        found[SUITE_FILE] = (run / SUITE_FILE).read_bytes()  # run.json has its hash
     if ledger is not None:
         beside = hashlib.sha256(found[RUN_FILE]).hexdigest()  # the same numbers, laid out otherwise
         found[CLAIMS] = _packed(to_builtins(replace(ledger, run_sha256=beside)))

@@ -32,6 +32,7 @@ def _facts(run: RunRecord, budget: float) -> dict[str, object]:
     return {
         "suite": f"{run.suite} version {run.suite_version}",
         "budget": budget,
+        "size": run.size.words or "that of the suite",
         "scenes": sorted((scene.scene, scene.truth_sha256[:12]) for scene in run.scenes),
         "seeds": sorted({result.job.seed for result in run.results}),
     }

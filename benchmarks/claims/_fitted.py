@@ -3,22 +3,16 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from graycard import RecordError
-from graycard.benchmarks._sizes import rendered_at
 from graycard.benchmarks.claims._claim import Check, Claim, Nested, Paper, Quantity
 from graycard.benchmarks.claims._readings import Readings
 from graycard.eval.statistics import locate
-from graycard.io import from_builtins, read_json
-from graycard.records import Budget, RowFit, SceneRecord, Size
-from graycard.synth import RenderSettings
+from graycard.records import Budget, RowFit, SceneRecord
 
-SUITE: Final = "suite.json"
-"""The suite that a run folder keeps."""
 TRAINING: Final = Quantity("training_view.psnr")
 HELD_OUT: Final = Quantity("novel_view.psnr")
 WORSE_BY: Final = 0.1
@@ -72,47 +66,6 @@ def _prior_words(priors: Mapping[str, Any]) -> str:
     if source != "oracle":
         return str(source)
     return f"the truth made wrong, severity {severity}" if severity else "the truth"
-
-
-class Scale(NamedTuple):
-    """Size of the pictures of a run, number of its views, and its factor on surfels; from small to large."""
-
-    width: int
-    height: int
-    train_views: int
-    test_views: int
-    surfels: float
-
-    @property
-    def words(self) -> str:
-        """All of it but held-out views, as in ``256 x 256 pixels, 20 views, 2 times the surfels``."""
-        factor = f", {self.surfels:g} times the surfels" if self.surfels != 1 else ""
-        return f"{self.width} x {self.height} pixels, {self.train_views} views{factor}"
-
-    def means(self) -> dict[str, str]:
-        """Return pixels and views, to stand beside those of a paper."""
-        views = f"{self.train_views} training, {self.test_views} held out"
-        return {"pixels": f"{self.width} x {self.height}", "views": views}
-
-
-def scale_of(run: Path, size: Size) -> Scale | None:
-    """Return the scale of a run, from the suite that its folder keeps; None where it keeps none.
-
-    Args:
-        run: The folder.
-        size: Differences of the run from its suite.
-
-    Raises:
-        RecordError: The kept suite has no such numbers.
-    """
-    path = Path(run) / SUITE
-    render = read_json(path).get("render", {}) if path.is_file() else {}
-    names = "width", "height", "train_views", "test_views"
-    if not {*names} <= render.keys():
-        return None
-    settings = {name: render[name] for name in names}
-    sized = rendered_at(from_builtins(RenderSettings, settings, RecordError, str(path)), size)
-    return Scale(sized.width, sized.height, sized.train_views, sized.test_views, size.surfels)
 
 
 def _shortfall(pair: Nested, scenes: Sequence[SceneRecord], readings: Readings) -> str:

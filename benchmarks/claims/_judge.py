@@ -7,14 +7,13 @@ from pathlib import Path
 from graycard import RecordError
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
 from graycard.benchmarks.claims._claim import Paper, claims_names, claims_path, load_claims
-from graycard.benchmarks.claims._fitted import Scale, scale_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.claims._rules import RULES
-from graycard.benchmarks.claims._sizes import Sized
+from graycard.benchmarks.claims._sizes import Sized, scale_in
 from graycard.benchmarks.claims._verdicts import Case, judge_claim
 from graycard.eval.statistics import LEVEL
 from graycard.io import sha256
-from graycard.records import RUN_FILE, ClaimResult, Ledger, PaperResult, RunRecord
+from graycard.records import RUN_FILE, ClaimResult, Ledger, PaperResult, RunRecord, Scale
 
 
 def judge_claims(
@@ -44,7 +43,7 @@ def judge_claims(
     """
     if not any_suite:
         _check_suites(record.suite, names)
-    scale = scale_of(run, record.size)
+    scale = scale_in(run, record.size)
     papers = []
     for name in names:
         paper = load_claims(name)

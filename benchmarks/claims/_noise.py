@@ -74,8 +74,9 @@ class _Measured:
         return values if np.isfinite(values).all() else None
 
     def fitted_alike(self, row: str, run: Readings) -> bool:
-        """Tell whether a row was measured with the budget that it has in a run."""
-        if row not in self.readings.rows:
+        """Tell whether a row was measured with the budget, and at the size, that it has in a run."""
+        of_suite = run.size.width is None and run.size.train_views is None
+        if row not in self.readings.rows or not of_suite:
             return False
         here, there = run.settings(row), self.readings.settings(row)
         return all(here[name] == there[name] for name in _BUDGET if name in here and name in there)

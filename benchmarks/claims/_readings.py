@@ -45,6 +45,7 @@ class Readings:
         self._metrics = {metric.id: metric for metric in run.metrics}
         self._scenes = run.scenes
         self.suite = run.suite
+        self.size = run.size
         self.rows = {method.name for method in run.methods}
         self._entries = {method.name: method.entry or method.name for method in run.methods}
         self._settings = {result.job.method: result.job.settings for result in run.results}

@@ -47,8 +47,6 @@ RULES = {
     "photographs worse on the scenes of a claim, by more than 0.1 dB in the centre, is not fitted to "
     "the end: the claim is undecided until it is",
     "budgets": "a verdict that turns when each fit has half or twice the steps is undecided",
-    "sizes": "where runs differ in size alone, each check is told at each of them. Its few scenes decide "
-    "nothing: a verdict that the estimates alone would turn is named, and stands",
     "not testable here": "rows, scenes or scores are missing in this run, or the claim needs what is "
     "not here. A row without a score on one scene is never judged on the others",
     "own questions": "graycard asks more than papers claim. Such a question holds, does not hold, or "

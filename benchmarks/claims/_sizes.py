@@ -9,10 +9,10 @@ from pathlib import Path
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect, Levels, effect_in
-from graycard.benchmarks.claims._fitted import SUITE, Scale, scale_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.claims._rules import combined, verdict_of, words_of
-from graycard.records import ClaimVerdict, RunRecord, read_run
+from graycard.io import read_json
+from graycard.records import SUITE_FILE, ClaimVerdict, RunRecord, Scale, Size, read_run, scale_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,24 @@ def _alone(claim: Claim, readings: Readings, track: str, levels: Levels) -> Clai
         if effect is None:
             return None
         point = effect.estimate, effect.estimate
-        verdicts.append(verdict_of(check, Effect(effect.estimate, point, point), claim.verdict_by))
+        steps = tuple((middle, middle) for middle, _ in effect.steps)
+        verdicts.append(verdict_of(check, Effect(effect.estimate, point, point, steps), claim.verdict_by))
     verdict = combined(verdicts, claim.verdict_by)
     return words_of(claim).get(verdict, verdict)
+
+
+def scale_in(run: Path, size: Size) -> Scale | None:
+    """Return the scale of a run from the suite that its folder keeps; None where it keeps none that tells.
+
+    Args:
+        run: The folder.
+        size: Differences of the run from its suite.
+
+    Raises:
+        RecordError: The suite is no JSON.
+    """
+    path = Path(run) / SUITE_FILE
+    return scale_of(read_json(path), size) if path.is_file() else None
 
 
 def _read(runs: Sequence[Path]) -> list[tuple[Path, RunRecord]]:
@@ -118,7 +133,10 @@ def _scale(run: Path, record: RunRecord) -> Scale:
     Raises:
         RecordError: Its folder does not tell.
     """
-    scale = scale_of(run, record.size)
+    scale = scale_in(run, record.size)
     if scale is None:
-        raise RecordError(f"expected a run with its {SUITE}, got none in {run}. Run `graycard bench` again")
+        raise RecordError(
+            f"expected a run with {SUITE_FILE} that tells pixels and views, got none in {run}. Run `graycard "
+            "bench` again"
+        )
     return scale

@@ -17,7 +17,7 @@ from graycard.benchmarks.claims._effects import (
     spread_of,
     summarise,
 )
-from graycard.benchmarks.claims._fitted import Scale, budget_of, suspension
+from graycard.benchmarks.claims._fitted import budget_of, suspension
 from graycard.benchmarks.claims._noise import FitNoise, noise_of
 from graycard.benchmarks.claims._readings import Reading, Readings
 from graycard.benchmarks.claims._rules import (
@@ -41,7 +41,7 @@ from graycard.benchmarks.claims._words import (
     rule_words,
     strict_words,
 )
-from graycard.records import CheckResult, ClaimResult, ClaimVerdict, RowMean, SceneRecord
+from graycard.records import CheckResult, ClaimResult, ClaimVerdict, RowMean, Scale, SceneRecord
 
 NOT_TESTABLE: ClaimVerdict = "not testable here"
 
@@ -64,9 +64,15 @@ class Case:
     def means(self) -> dict[str, str]:
         """Return means of the run by what is counted, with the other budgets that stand beside it."""
         others = ", ".join(f"{factor:g} times the steps" for factor in sorted(self.budgets))
-        found = self.scale.means() if self.scale else {}
+        found = _means_of(self.scale) if self.scale else {}
         sizes = {"other sizes": "; ".join(size.words for size in self.sizes)} if self.sizes else {}
         return {**found, "other budgets": others or "not run", **sizes}
+
+
+def _means_of(scale: Scale) -> dict[str, str]:
+    """Return pixels and views, to stand beside those of a paper."""
+    views = f"{scale.train_views} training, {scale.test_views} held out"
+    return {"pixels": f"{scale.width} x {scale.height}", "views": views}
 
 
 @dataclass(frozen=True, slots=True)

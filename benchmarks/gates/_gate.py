@@ -43,6 +43,8 @@ class Baseline:
     suite: Name
     suite_version: int
     scores: tuple[Expected, ...]
+    departs: str = ""
+    """What the run has other than its suite asks for, in words, as half its iterations; empty for nothing."""
     format: Literal["graycard-baseline"] = "graycard-baseline"
     format_version: int = BASELINE_VERSION
 
@@ -158,7 +160,12 @@ def make_baseline(run: RunRecord, rows: Collection[str] = ()) -> Baseline:
     )
     if not expected:
         raise RecordError("expected a run with scores to make a baseline of, got one without any")
-    return Baseline(run.suite, run.suite_version, expected)
+    return Baseline(run.suite, run.suite_version, expected, run.departs)
+
+
+def _kind(suite: str, version: int, departs: str) -> str:
+    """Return what runs share that are compared, in words."""
+    return f"{suite!r} version {version}" + (f" at {departs}" if departs else "")
 
 
 def _check_rows(rows: Collection[str], known: Collection[str]) -> None:
@@ -225,11 +232,9 @@ def judge(run: RunRecord, baseline: Baseline, rows: Collection[str] = (), slack:
     if not 0 <= slack < math.inf:
         raise GraycardError(f"expected a factor of 0 or more on tolerances, got {slack}. Mend --tolerance")
     _check_rows(rows, {expected.method for expected in baseline.scores})
-    if (run.suite, run.suite_version) != (baseline.suite, baseline.suite_version):
-        raise RecordError(
-            f"expected a run of suite {baseline.suite!r} version {baseline.suite_version}, as the baseline "
-            f"is, got one of {run.suite!r} version {run.suite_version}"
-        )
+    wanted_kind = _kind(baseline.suite, baseline.suite_version, baseline.departs)
+    if (kind := _kind(run.suite, run.suite_version, run.departs)) != wanted_kind:
+        raise RecordError(f"expected a run of suite {wanted_kind}, as the baseline is, got one of {kind}")
     found = {(*key, score.metric, score.protocol): score for key, score in _scores(run)}
     wanted = [
         replace(expected, tolerance=expected.tolerance * slack)

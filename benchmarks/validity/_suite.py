@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from graycard import DatasetError, GraycardError
+from graycard import DatasetError, GraycardError, RecordError
 from graycard.benchmarks._sizes import at_size, scaled
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, suite_names
+from graycard.benchmarks._suites import Suite, SuiteMethod, load_suite, suite_names
 from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.methods.priors import PriorSpec
-from graycard.records import RUN_FILE, JobResult, RunRecord, SceneRecord
+from graycard.records import RUN_FILE, SUITE_FILE, JobResult, RunRecord, SceneRecord
 from graycard.synth import SceneSpec, resolved_knobs, scene_name, with_defaults
 
 RULE = "suite"
@@ -44,15 +44,15 @@ def standard_of(run: RunRecord, folder: Path) -> Standard:
     if own is not None and own.version == run.suite_version:
         if kept is not None and _judging(kept) != _judging(own):
             what = f"expected {named} as it comes with graycard, got a suite of other content under its name"
-            breaches.append(Breach(RULE, KEPT, f"{what}. Give it a name of its own"))
+            breaches.append(Breach(RULE, SUITE_FILE, f"{what}. Give it a name of its own"))
         return Standard(own, f"{named}, which comes with graycard", tuple(breaches))
     if kept is None:
         if not breaches:
-            what = f"expected {KEPT} to hold the run against, got none. Run `graycard bench` again"
-            breaches.append(Breach(RULE, KEPT, f"{what}: it fits nothing anew", unknown=True))
+            what = f"expected {SUITE_FILE} to hold the run against, got none. Run `graycard bench` again"
+            breaches.append(Breach(RULE, SUITE_FILE, f"{what}: it fits nothing anew", unknown=True))
         return Standard(None, f"{named}, of which nothing is known", tuple(breaches))
     other = f"; this graycard has version {own.version}" if own is not None else ""
-    says = f"{named}, which does not come with graycard ({KEPT}, SHA-256 {run.suite_sha256}{other})"
+    says = f"{named}, which does not come with graycard ({SUITE_FILE}, SHA-256 {run.suite_sha256}{other})"
     return Standard(kept, says, tuple(breaches))
 
 
@@ -63,25 +63,25 @@ def _judging(suite: Suite) -> Any:
 
 def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
     """Return the suite in the run folder, if it is the one that was run."""
-    path = folder / KEPT
+    path = folder / SUITE_FILE
     if not path.is_file():
         return None, []
     if (found := sha256(path)) != run.suite_sha256:
         said = f"{run.suite_sha256[:12]}…" if run.suite_sha256 else "none"
         what = f"expected the suite that was run, of SHA-256 {said} by run.json, got {found[:12]}…"
-        return None, [Breach(RULE, KEPT, what)]
+        return None, [Breach(RULE, SUITE_FILE, what)]
     try:
-        suite = from_builtins(Suite, read_json(path), source=KEPT)
+        suite = from_builtins(Suite, read_json(path), source=SUITE_FILE)
     except (GraycardError, ValueError) as cause:
-        return None, [Breach(RULE, KEPT, str(cause), unknown=True)]
+        return None, [Breach(RULE, SUITE_FILE, str(cause), unknown=True)]
     if (suite.name, suite.version) != (run.suite, run.suite_version):
         what = f"expected suite {run.suite} version {run.suite_version}, as run.json says, got "
-        return None, [Breach(RULE, KEPT, f"{what}{suite.name} version {suite.version}")]
+        return None, [Breach(RULE, SUITE_FILE, f"{what}{suite.name} version {suite.version}")]
     return suite, []
 
 
 def part_of(run: RunRecord, suite: Suite | None) -> str:
-    """Return what of its suite a run is, in words; empty for all of it."""
+    """Return what of its suite a run is, and at which size, in words; empty for all of it as it is."""
     if suite is None:
         return ""
     tracks = list(dict.fromkeys(scene.track for scene in run.scenes))
@@ -96,7 +96,8 @@ def part_of(run: RunRecord, suite: Suite | None) -> str:
         parts.append(f"methods {', '.join(rows)}")
     if suite.secret and not run.commitment and not run.edition:
         parts.append("without its secret scenes")
-    return f"part of {suite.name}: {'; '.join(parts)}" if parts else ""
+    told = [f"part of {suite.name}: {'; '.join(parts)}"] if parts else []
+    return "; ".join([*told, *([f"{suite.name} at {run.departs}"] if run.departs else [])])
 
 
 def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
@@ -106,7 +107,10 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
     """
     if not run.results:
         return []
-    suite = at_size(suite, run.size)
+    try:
+        suite = at_size(suite, run.size)
+    except RecordError as cause:
+        return [Breach(RULE, RUN_FILE, str(cause))]
     found = [*_missing_scenes(run, suite), *_missing_seeds(run, suite)]
     specs = {(spec.track, scene_name(spec)): spec for spec in _scenes(run, suite)}
     for scene in run.scenes:

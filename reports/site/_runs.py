@@ -6,7 +6,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from graycard.io import read_json
-from graycard.records import Comparison, MethodRecord, RunRecord, SceneRecord, knob_text, read_run
+from graycard.records import (
+    SUITE_FILE,
+    Comparison,
+    MethodRecord,
+    RunRecord,
+    Scale,
+    SceneRecord,
+    knob_text,
+    read_run,
+    scale_of,
+)
 from graycard.reports._format import count, format_date, format_seconds, format_value
 from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._tracks import headline_of, words_of
@@ -146,7 +156,7 @@ def site_run(run: Published, compare: Compare) -> SiteRun:
                 (len(record.results), "job"),
             )
         ),
-        pictures=_pictures(suite.get("render")),
+        pictures=_pictures(scale_of(suite, record.size)),
         edition=record.edition.tag if record.edition else "",
         boards=tuple(_board(record, comparison, track, f"{run.anchor}--{track}") for track in names),
         scenes=tuple(map(_scene, record.scenes)),
@@ -166,20 +176,18 @@ def _method(method: MethodRecord, told: str, priors: PriorBadge | None) -> Metho
 
 
 def _suite(run: Published) -> Mapping[str, Any]:
-    path = run.folder / "suite.json"
+    path = run.folder / SUITE_FILE
     found = read_json(path) if path.is_file() else {}
     return found if isinstance(found, dict) else {}
 
 
-def _pictures(render: Any) -> str:
-    """Return size and number of pictures from the settings of a renderer, as far as they are told."""
-    if not isinstance(render, Mapping) or not {"width", "height"} <= render.keys():
+def _pictures(scale: Scale | None) -> str:
+    """Return size and number of pictures, as far as the suite tells them."""
+    if scale is None:
         return ""
-    views = [f"{render[key]} {word}" for key, word in _VIEWS.items() if key in render]
-    return ", ".join([f"{render['width']} × {render['height']} pixels", *views])
-
-
-_VIEWS = {"train_views": "photographs", "test_views": "held-out views"}
+    views = f"{scale.train_views} photographs, {scale.test_views} held-out views"
+    factor = f", {scale.surfels:g} times the surfels" if scale.surfels != 1 else ""
+    return f"{scale.width} × {scale.height} pixels, {views}{factor}"
 
 
 def knobs_in_words(knobs: Mapping[str, Any]) -> str:

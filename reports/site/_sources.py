@@ -14,6 +14,7 @@ from graycard.records import (
     HISTORY,
     PUBLISHED_PAGE,
     RUN_FILE,
+    SUITE_FILE,
     Ledger,
     VerdictHistory,
     is_published_run,
@@ -25,7 +26,7 @@ from graycard.reports.site._anchors import Anchors
 
 SITE = "ledger.json"
 """A site for programs, and the list of its files."""
-_SIGNS = (PUBLISHED_PAGE, RUN_FILE, CLAIMS, "suite.json")
+_SIGNS = (PUBLISHED_PAGE, RUN_FILE, CLAIMS, SUITE_FILE)
 """Files of a published run: a folder with one of them that is no such run may be a damaged one."""
 TABLES_FILE = "tables.json"
 """Ledger of papers' tables held against themselves, beside a history."""

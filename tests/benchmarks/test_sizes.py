@@ -1,27 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs at other sizes of pictures, numbers of views and surfels, and how effects move with them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from claims_by_hand import against, check_of, judged
+from claims_by_hand import LEVELS, against, check_of, course, fitted, judged
 from graycard import RecordError
-from graycard.benchmarks import Terms, _runner, load_suite, run_bench
+from graycard.benchmarks import Plan, Terms, _runner, load_suite, run_bench, run_part, run_until_decided
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sizes import at_size, scaled
-from graycard.benchmarks.claims import Sized, read_sizes
-from graycard.benchmarks.claims._fitted import Scale
+from graycard.benchmarks.claims import Sized, _noise, read_sizes
 from graycard.benchmarks.claims._readings import Readings
+from graycard.benchmarks.gates._gate import judge, make_baseline
+from graycard.benchmarks.planning._parts import Part
+from graycard.benchmarks.validity._suite import part_of
 from graycard.cli import main
 from graycard.cli.benches._bench import BenchCommand
-from graycard.io import read_json, silent, write_json
+from graycard.io import from_builtins, read_json, sha256, silent, to_builtins, write_json
 from graycard.processes import USUAL
-from graycard.records import Edition, RunRecord, Size, read_run
+from graycard.records import Edition, RunRecord, Scale, Size, read_run
+from graycard.reports._budgets import budget_table
 from runs_by_hand import run_of
 from tiny_benches import made_without_renderer, write_reserve_suite
 from valid_runs import breaches, change
@@ -44,10 +48,24 @@ def test_pictures_keep_their_ratio_and_their_paths_a_pixel(tmp_path: Path) -> No
     assert at_size(suite, Size()) == suite
 
 
-@pytest.mark.parametrize("size", [Size(width=2), Size(width=0), Size(width=-8), Size(train_views=1)])
-def test_sizes_that_cannot_be_rendered_are_refused(size: Size) -> None:
-    with pytest.raises(RecordError, match=r"expected (width|height|train_views) .* Mend --pixels or --views"):
-        at_size(load_suite("claims-dark"), size)
+@pytest.mark.parametrize(
+    "size",
+    [{"width": 3}, {"width": 0}, {"width": -8}, {"train_views": 1}, {"surfels": 0.0}, {"surfels": -1.0}]
+    + [{"surfels": value} for value in ("inf", "nan")],
+)
+def test_sizes_that_are_none_are_refused_wherever_they_come_from(size: dict[str, Any]) -> None:
+    numbers = {name: float(value) if isinstance(value, str) else value for name, value in size.items()}
+    with pytest.raises(ValueError, match="expected .* got"):
+        Size(**numbers)
+    with pytest.raises(RecordError, match="expected"):
+        from_builtins(RunRecord, {**to_builtins(RUN), "size": size}, RecordError)
+
+
+def test_a_wide_picture_may_get_too_low() -> None:
+    suite = load_suite("claims-dark")
+    wide = replace(suite, render=replace(suite.render, width=160, height=20))
+    with pytest.raises(RecordError, match="expected height to be 4 or more, got 1. Mend --pixels"):
+        at_size(wide, Size(width=8))
 
 
 def test_steps_and_surfels_are_multiplied_where_a_method_has_them() -> None:
@@ -59,14 +77,18 @@ def test_steps_and_surfels_are_multiplied_where_a_method_has_them() -> None:
     assert scaled(known, 1.0) == {}
 
 
-@pytest.mark.parametrize("factor", [0.0, -1.0, float("inf"), float("nan")])
-def test_a_factor_on_surfels_is_above_nothing(factor: float) -> None:
-    with pytest.raises(RunError, match="expected a factor on surfels above 0"):
-        Terms(size=Size(surfels=factor))
+@pytest.mark.parametrize("option", [("--pixels", "2"), ("--views", "1"), ("--surfels", "0")])
+def test_options_that_are_no_sizes_say_what_to_mend(
+    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", "demo", "--out", str(tmp_path / "run"), *option]) == 2
+    assert "Mend --pixels, --views or --surfels" in " ".join(capsys.readouterr().err.split())
 
 
-def test_sealed_scenes_stay_as_their_suite_has_them() -> None:
-    with pytest.raises(RunError, match="expected sealed scenes as their suite has them, got 256 pixels wide"):
+def test_sealed_scenes_stay_at_the_size_of_their_suite() -> None:
+    with pytest.raises(
+        RunError, match="sealed scenes at the size of their suite, got 256 pixels wide. Leave"
+    ):
         Terms(size=Size(width=256), edition=Edition("edition-1", "c" * 40))
 
 
@@ -88,18 +110,35 @@ def test_a_run_is_made_at_its_size_and_keeps_its_suite(
     assert [dict(m.settings) for m in begun.suite.methods] == [{"surfels": 1000}, {}]
 
 
+def test_a_factor_on_surfels_that_no_row_has_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_runner, "introduce", lambda *_: [Introduction("gray", (), {}, (), "")])
+    suite = load_suite(str(write_reserve_suite(tmp_path)))
+    suite = replace(suite, methods=suite.methods[:1])
+    with pytest.raises(RunError, match="expected a row with surfels for --surfels, got none"):
+        run_bench(suite, tmp_path / "run", 1, silent, terms=Terms(size=Size(surfels=2.0)))
+
+
 def test_a_run_says_its_size_and_keeps_others_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]
 ) -> None:
     made_without_renderer(monkeypatch, write_tiny)
     suite, run = load_suite(str(write_reserve_suite(tmp_path))), tmp_path / "run"
-    run_bench(suite, run, 1, silent, terms=Terms(size=Size(surfels=2.0)))
-    assert read_run(run).size == Size(surfels=2.0)
+    size = Size(width=suite.render.width)
+    run_bench(suite, run, 1, silent, terms=Terms(size=size))
+    record = read_run(run)
+    assert (record.size, record.departs) == (size, size.words)
+    assert read_json(run / "suite.json")["render"]["width"] == suite.render.width
     assert "suite" not in breaches(run)
-    with pytest.raises(RunError, match="got one of 'tiny-reserve' version 1 at 2 times the surfels"):
+    assert part_of(record, suite) == f"tiny-reserve at {size.words}"
+    with pytest.raises(RunError, match=f"got one of 'tiny-reserve' version 1 at {size.words}"):
         run_bench(suite, run, 1, silent)
-    with pytest.raises(RunError, match="hold a run of .* at 2 times its iterations and 64 pixels wide, got"):
-        run_bench(suite, run, 1, silent, terms=Terms(2.0, Size(width=64)))
+    for call in (run_bench, partial(run_part, part=Part(1, 2))):
+        with pytest.raises(RunError, match="hold a run of .* at 2 times its iterations, 64 pixels wide, got"):
+            call(suite, run, 1, silent, terms=Terms(2.0, Size(width=64)))
+    with pytest.raises(RunError, match="expected the suite as it is .* got one at 2 times its iterations"):
+        run_until_decided(suite, run, 1, silent, Plan(9), terms=Terms(2.0))
 
 
 def test_a_scene_of_another_size_than_the_run_says_is_found(
@@ -112,6 +151,46 @@ def test_a_scene_of_another_size_than_the_run_says_is_found(
     change(run, lambda data: data.update(size={"width": 64}))
     told = " ".join(breaches(run)["suite"])
     assert "expected the scene that tiny-reserve asks for, got another render.width" in told
+
+
+def test_a_row_of_other_surfels_than_its_run_says_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]
+) -> None:
+    made_without_renderer(monkeypatch, write_tiny)
+    run = tmp_path / "run"
+    run_bench(load_suite(str(write_reserve_suite(tmp_path))), run, 1, silent)
+    kept = read_json(run / "suite.json")
+    kept["methods"][1]["settings"] = {"surfels": 100}
+    write_json(run / "suite.json", kept)
+
+    def fitted_with(surfels: int) -> list[str]:
+        def edit(data: Any) -> None:
+            for result in data["results"]:
+                if result["job"]["method"] == "gray":
+                    result["job"]["settings"]["surfels"] = surfels
+            data.update(size={"surfels": 2.0}, suite_sha256=sha256(run / "suite.json"))
+
+        change(run, edit)
+        return breaches(run).get("suite", [])
+
+    assert fitted_with(200) == []
+    assert "got another settings.surfels" in fitted_with(100)[0]
+
+
+def test_the_gate_compares_runs_of_one_size_alone() -> None:
+    run = replace(run_of({"mine": {"psnr": [1.0, 2.0]}}), budget=0.5, size=Size(width=64))
+    baseline = make_baseline(run)
+    assert judge(run, baseline).exit_code == 0
+    words = "expected a run of suite .* at 0.5 times its iterations, 64 pixels wide, as the baseline is, got"
+    with pytest.raises(RecordError, match=words):
+        judge(replace(run, size=Size()), baseline)
+
+
+def test_noise_of_fits_at_one_size_is_that_of_stand_ins_at_another() -> None:
+    row = _noise._Measured(Readings(fitted(RUN, rows=("mine",))), RUN.scenes)
+    assert row.fitted_alike("mine", Readings(fitted(RUN, rows=("mine",))))
+    for size in (Size(width=64), Size(train_views=40)):
+        assert not row.fitted_alike("mine", Readings(replace(fitted(RUN, rows=("mine",)), size=size)))
 
 
 @pytest.mark.parametrize(
@@ -185,14 +264,16 @@ def test_one_run_shows_no_change(tmp_path: Path) -> None:
         read_sizes(write_sizes(tmp_path, a=(RUN, Size())))
 
 
-@pytest.mark.parametrize("kept", [None, {}, {"render": {"width": 112}}, {"render": RENDER | {"width": "x"}}])
-def test_a_run_without_its_suite_has_no_size(tmp_path: Path, kept: Mapping[str, Any] | None) -> None:
+@pytest.mark.parametrize(
+    "kept", [None, {}, [], {"render": []}, {"render": {"width": 112}}, {"render": RENDER | {"width": "x"}}]
+)
+def test_a_run_without_its_suite_has_no_size(tmp_path: Path, kept: Any) -> None:
     runs = write_sizes(tmp_path, a=(RUN, Size()), b=(RUN, Size(256)))
     if kept is None:
         (runs[1] / "suite.json").unlink()
     else:
         write_json(runs[1] / "suite.json", kept)
-    with pytest.raises(RecordError, match=r"expected .*"):
+    with pytest.raises(RecordError, match="expected a run with suite.json that tells pixels and views"):
         read_sizes(runs)
 
 
@@ -225,6 +306,26 @@ def test_sizes_are_compared_with_that_of_the_run_and_else_with_the_smallest() ->
     assert other.turns.startswith(f"by estimates alone reproduced at {SMALL}, but")
 
 
+def test_a_course_that_goes_back_at_one_step_turns_a_verdict() -> None:
+    """From the first row to the last it rises at both sizes; at the larger one it falls in between."""
+    both = tuple(
+        Sized(words, Readings(course(*means)))
+        for words, means in ((SMALL, (0.0, 2.0, 4.0)), (LARGE, (0.0, 6.0, 4.0)))
+    )
+    check = check_of("monotone", LEVELS)
+    found = judged(course(0.0, 2.0, 4.0), check, sizes=both, scale=HERE)
+    assert found.turns == f"by estimates alone reproduced at {SMALL}, but contradicted at {LARGE}"
+
+
+def test_the_paper_is_not_asked_for_other_sizes() -> None:
+    found = judged(
+        fitted(against(5.0), rows=("mine",)), check_of(), sizes=sizes(small=5.0, large=3.0), scale=HERE
+    )
+    table = budget_table(found.budget)
+    assert table is not None
+    assert ("other sizes", "", f"{SMALL}; {LARGE}") in table.lines
+
+
 def test_own_questions_turn_in_their_own_words() -> None:
     both = sizes(small=5.0, large=-5.0)
     found = judged(against(5.0), check_of(), sizes=both, scale=HERE, asked_by="graycard")
@@ -237,12 +338,52 @@ def test_a_claim_that_runs_of_other_sizes_cannot_test_turns_nowhere() -> None:
     assert (found.turns, list(found.checks[0].at_sizes)) == ("", [SMALL])
 
 
-def test_the_command_line_takes_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    runs = write_sizes(tmp_path, a=(RUN, Size()), b=(RUN, Size(256)))
-    command = ["claims", str(runs[0]), "--any-suite", "--claims", "goris-matte"]
+MINE = """
+name = "mine"
+version = 1
+title = "A paper of mine"
+track = "dark"
+bound = "bound"
+trivial = "gray"
+[[claims]]
+id = "M1"
+sentence = "Mine is better."
+source = "Table 1"
+[[claims.checks]]
+id = "psnr"
+says = "PSNR is higher"
+rule = "better"
+rows = ["mine", "theirs"]
+quantity = { metric = "psnr" }
+expects = "higher"
+"""
+
+
+def test_the_command_line_takes_sizes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("graycard.reports.write_report", lambda run: run)
+    larger = run_of({"mine": {"psnr": [1.0, 2.0]}, "theirs": {"psnr": [2.0, 3.0]}})
+    runs = write_sizes(tmp_path, a=(RUN, Size()), b=(larger, Size(224)))
+    (tmp_path / "mine.toml").write_text(MINE)
+    command = ["claims", str(runs[0]), "--checks", "--claims", str(tmp_path / "mine.toml")]
     assert main([*command, "--sizes", *map(str, runs)]) == 0
-    assert "sizes" in read_json(runs[0] / "claims.json")["rules"]
+    told = " ".join(capsys.readouterr().out.split())
+    turns = "reproduced at 112 x 84 pixels, 20 views, but contradicted at 224 x 168 pixels, 20 views"
+    assert f"With size: by estimates alone {turns}" in told
+    assert "112 x 84 pixels, 20 views: 1.5 dB; 224 x 168 pixels, 20 views: -1 dB" in told
+    claim = read_json(runs[0] / "claims.json")["papers"][0]["claims"][0]
+    assert claim["turns"] == f"by estimates alone {turns}"
     assert main([*command, "--sizes", str(runs[1])]) == 2
     assert "expected runs at two or more sizes, got one" in capsys.readouterr().err
     assert main(["claims", "--sizes", *map(str, runs)]) == 2
     assert "expected a run with --sizes, got none" in capsys.readouterr().err
+
+
+def test_runs_without_rows_of_the_claims_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = write_sizes(tmp_path, a=(RUN, Size()), b=(RUN, Size(256)))
+    command = ["claims", str(runs[0]), "--any-suite", "--claims", "goris-matte"]
+    assert main([*command, "--sizes", *map(str, runs)]) == 2
+    assert "expected runs with rows that these claims compare, got none" in capsys.readouterr().err

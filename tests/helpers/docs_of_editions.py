@@ -30,8 +30,12 @@ COLUMNS = {
     "normals, °": "normal.mean_angle",
     "depth": "depth.abs_rel",
     "moved lamp, dB": "relighting.psnr.moved",
+    "without the object, dB": "counterfactual.psnr",
+    "in the hole, dB": "counterfactual.psnr.footprint",
+    "outside, dB": "counterfactual.psnr.rest",
+    "mirror image left": "counterfactual.residual.mirror",
 }
-"""Metrics of the table of means, by the head of their column."""
+"""Metrics of the table of means, by the head of their column; one that no row has is left out."""
 
 
 def claims_in(folder: Path) -> dict[str, ClaimResult]:
@@ -66,23 +70,27 @@ def edition_block(second: Path) -> str:
     rows = [(name, _word(first.get(name)), _word(claim), _share(claim)) for name, claim in claims.items()]
     head = ("claim", "first edition", "second edition", "refits that agree")
     reasons = [f"- **{name}** {cell(claim.sentence)} {cell(_why(claim))}\n" for name, claim in claims.items()]
-    means = f"Means over the scenes:\n\n{means_table(read_run(second))}"
+    means = f"Means over the scenes that have such a score:\n\n{means_table(read_run(second))}"
     return f"\n{means}\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
 
 
 def means_table(run: RunRecord) -> str:
-    """Return the means over all scenes of each row; a cell is empty where a scene has no finite score."""
+    """Return the means of each row over all scenes that have a metric; empty where the row lacks one."""
     found: dict[tuple[str, str], list[float]] = {}
     for result in run.results:
         for score in result.sheet.scores if result.sheet else ():
             if score.value is not None and math.isfinite(score.value):
                 found.setdefault((result.job.method, score.metric), []).append(score.value)
-    rows = [
-        (f"`{name}`", *(_mean(found.get((name, metric), []), len(run.scenes)) for metric in COLUMNS.values()))
-        for name in (method.name for method in run.methods)
-        if name != "truth"
-    ]
-    return table(("row", *COLUMNS), rows)
+    names = [method.name for method in run.methods if method.name != "truth"]
+    most = {metric: max(len(v) for k, v in found.items() if k[1] == metric) for _, metric in found}
+    columns = {
+        head: [_mean(found.get((name, metric), []), most[metric]) for name in names]
+        for head, metric in COLUMNS.items()
+        if metric in most
+    }
+    told = {head: cells for head, cells in columns.items() if any(cells)}
+    rows = [(f"`{name}`", *cells) for name, *cells in zip(names, *told.values(), strict=True)]
+    return table(("row", *told), rows)
 
 
 def _mean(values: list[float], scenes: int) -> str:

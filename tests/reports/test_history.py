@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from graycard import RecordError
+from graycard.benchmarks import claims
 from graycard.cli import main
 from graycard.io import from_builtins, read_json, sha256, write_json
 from graycard.records import CLAIMS, HISTORY, Ledger, LedgerEntry, VerdictHistory, read_history
@@ -22,6 +23,7 @@ from graycard.reports.history._entries import entry_of, rules_hash
 from graycard.reports.history._keep import OWN, continue_history, history_text
 from graycard.reports.history._page import render_history, suite_histories
 from graycard.reports.history._reasons import REASONS, load_reasons
+from published import SECOND
 
 ROOT = Path(__file__).parents[2]
 WRITE = "GRAYCARD_WRITE_DOCS" in os.environ
@@ -153,6 +155,13 @@ def test_every_published_change_has_a_reason():
     told = {(c.suite, c.entry, c.claim) for c in changes_of(history, reasons)}
     assert {("claims-dark", 2, "S1"), ("claims-dark", 3, "S7"), ("claims-tabletop", 2, "R14")} <= told
     assert ("claims-tabletop", 2, "R4") in told  # whose verdict stayed while its checks changed
+
+
+@pytest.mark.parametrize("folder", [OWN, SECOND], ids=lambda folder: folder.name)
+def test_the_rules_of_today_are_those_of_the_newest_edition(folder: Path):
+    """Else nothing that is judged from now on could be published."""
+    reasons = load_reasons(folder)
+    assert reasons.edition(rules_hash(claims.RULES)) == reasons.editions[-1]
 
 
 def test_the_published_page_is_made_from_the_data():
@@ -293,6 +302,13 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
     assert not (kept / "mine").exists()
     assert len(read_history(kept).entries) == 1
     add_reason(kept)
+    whole = read_json(run / "run.json")
+    write_json(run / "run.json", whole | {"size": {"width": 64}})
+    write_json(run / CLAIMS, whole_ledger("contradicted", run))
+    with pytest.raises(RecordError, match="keeps the history of its verdicts, got one at 64 pixels wide"):
+        publish_run(run, kept / "mine", 100)
+    write_json(run / "run.json", whole)
+    write_json(run / CLAIMS, whole_ledger("contradicted", run))
     publish_run(run, kept / "mine", 100)
     last = read_history(kept).entries[-1]
     assert isinstance(last, LedgerEntry)

@@ -110,6 +110,8 @@ class ClaimsCommand:
         names = self.claims or claims_of_suite(record.suite) or claims_names()
         others = self._others(record)
         found = judge_run(record, run, names, any_suite=self.any_suite, **others)
+        if self.sizes:
+            _check_told(found, self.sizes)
         for name, suite in made_for_others(record.suite, names).items():
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
@@ -201,6 +203,19 @@ class ClaimsCommand:
                     terminal.out.print(_checks(claim.checks))
 
 
+def _check_told(found: Ledger, sizes: Sequence[Path]) -> None:
+    """Refuse runs at other sizes in which no check of the claims can be made.
+
+    Raises:
+        GraycardError: None can.
+    """
+    if not any(check.at_sizes for paper in found.papers for claim in paper.claims for check in claim.checks):
+        raise GraycardError(
+            f"expected runs with rows that these claims compare, got none in {', '.join(map(str, sizes))}. "
+            "Name those of another suite with --sizes"
+        )
+
+
 def _claims(claims: Sequence[ClaimResult]) -> Table:
     table = new_table("", "claim", "verdict", "refits that agree", "why")
     for claim in claims:
@@ -232,7 +247,8 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         "trivial",
         "verdict",
     )
-    table = new_table(*heads)
+    sized = any(check.at_sizes for check in checks)
+    table = new_table(*heads, *(["at sizes"] if sized else []))
     for check in checks:
         told = "" if check.decides else " (decides nothing)"
         table.add_row(
@@ -246,8 +262,13 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
             _row(check.bound),
             _row(check.trivial),
             check.verdict + told,
+            *([_at_sizes(check)] if sized else []),
         )
     return table
+
+
+def _at_sizes(check: CheckResult) -> str:
+    return "; ".join(f"{size}: {_number(value, check.unit)}" for size, value in check.at_sizes.items())
 
 
 def _row(row: RowMean | None) -> str:

@@ -56,4 +56,8 @@ from graycard.records._run import is_published_run as is_published_run
 from graycard.records._run import job_folder as job_folder
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet
+from graycard.records._size import SUITE_FILE as SUITE_FILE
+from graycard.records._size import Scale as Scale
 from graycard.records._size import Size as Size
+from graycard.records._size import departures as departures
+from graycard.records._size import scale_of as scale_of

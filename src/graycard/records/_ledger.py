@@ -146,7 +146,7 @@ class ClaimResult:
     notes: tuple[str, ...] = ()
     """Differences from the paper."""
     turns: str = ""
-    """At which size of pictures the estimates alone would turn the verdict, in words; empty if at none."""
+    """Sizes of pictures, views or surfels at which estimates alone would give another verdict, in words."""
 
 
 @dataclass(frozen=True, slots=True)

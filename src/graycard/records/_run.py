@@ -22,7 +22,7 @@ from graycard.io import (
     read_json,
 )
 from graycard.records._looks import Edition, Looks
-from graycard.records._size import Size
+from graycard.records._size import Size, departures
 
 RUN_FILE = "run.json"
 PUBLISHED_PAGE = "index.html"
@@ -299,6 +299,11 @@ class RunRecord:
         rows = [method for method in self.methods if method.name in names and not method.predictions]
         own = {method.name for method in rows}
         return frozenset(m.name for m in rows if m.entry != m.name and m.entry in own)
+
+    @property
+    def departs(self) -> str:
+        """What the run has other than its suite asks for, in words; empty for nothing."""
+        return departures(self.budget, self.size)
 
     @property
     def submitted(self) -> tuple[str, ...]:

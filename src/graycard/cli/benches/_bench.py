@@ -219,7 +219,10 @@ class BenchCommand:
     def _terms(self, machines: Machines | None) -> Terms:
         from graycard.benchmarks import Terms, find_edition
 
-        size = Size(self.pixels, self.views, self.surfels)
+        try:
+            size = Size(self.pixels, self.views, self.surfels)
+        except ValueError as cause:
+            raise GraycardError(f"{cause}. Mend --pixels, --views or --surfels") from None
         edition = find_edition(self.suite) if self.sealed else None
         return Terms(self.budget, size, edition, self.allow, machines)
 
