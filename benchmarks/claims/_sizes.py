@@ -34,9 +34,9 @@ def read_sizes(runs: Sequence[Path]) -> tuple[Sized, ...]:
         RecordError: There is one alone, a folder keeps no suite, two have one size, or they differ in suite,
             budget, scenes or seeds.
     """
+    found = sorted((_scale(run, record), number, record) for number, (run, record) in enumerate(_read(runs)))
     if len(runs) == 1:
         raise RecordError(f"expected runs at two or more sizes, got one, {runs[0]}. Add that of another size")
-    found = sorted((_scale(run, record), number, record) for number, (run, record) in enumerate(_read(runs)))
     sized = [Sized(scale.words, Readings(record)) for scale, _, record in found]
     if twice := next((a.words for a, b in pairwise(sized) if a.words == b.words), ""):
         raise RecordError(f"expected runs that differ in size, got two of {twice}. Leave one out")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from claims_by_hand import LEVELS, against, check_of, course, fitted, judged
-from graycard import RecordError
+from graycard import TRACKS, RecordError
 from graycard.benchmarks import Plan, Terms, _runner, load_suite, run_bench, run_part, run_until_decided
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
@@ -26,6 +26,7 @@ from graycard.io import from_builtins, read_json, sha256, silent, to_builtins, w
 from graycard.processes import USUAL
 from graycard.records import Edition, RunRecord, Scale, Size, read_run
 from graycard.reports._budgets import budget_table
+from graycard.synth import scene_name
 from runs_by_hand import run_of
 from tiny_benches import made_without_renderer, write_reserve_suite
 from valid_runs import breaches, change
@@ -68,6 +69,28 @@ def test_a_wide_picture_may_get_too_low() -> None:
         at_size(wide, Size(width=8))
 
 
+@pytest.mark.parametrize("suite", ["sizes-{}", "claims-{}-hd", "paper-{}"])
+@pytest.mark.parametrize("track", TRACKS)
+def test_rows_of_a_name_are_the_same_method_at_each_size(suite: str, track: str) -> None:
+    """They may differ in the length of their fits, and in what a GPU does alone."""
+    budget = {"iterations", "surfels", "backend"}
+    known = {method.row: method for method in load_suite(f"claims-{track}").methods}
+    for method in load_suite(suite.format(track)).methods:
+        of_claims = known[method.row]
+        assert (method.entry, method.priors) == (of_claims.entry, of_claims.priors), method.row
+        kept = [{k: v for k, v in m.settings.items() if k not in budget} for m in (method, of_claims)]
+        assert kept[0] == kept[1], method.row
+
+
+@pytest.mark.parametrize("track", TRACKS)
+def test_no_scene_is_sealed_in_two_suites_of_claims(track: str) -> None:
+    """Else the scores of the one are seen before the other is run."""
+    ranges = [load_suite(f"claims-{track}{size}").sealed for size in ("", "-hd")]
+    places = [{scene_name(spec) for spec in found.drawn()} for found in ranges if found]
+    assert len(places) == 2
+    assert not places[0] & places[1]
+
+
 def test_steps_and_surfels_are_multiplied_where_a_method_has_them() -> None:
     known = {"iterations": 1001, "surfels": 5000, "lamps": 8}
     assert scaled(known, 0.5) == {"iterations": 500}
@@ -82,7 +105,7 @@ def test_options_that_are_no_sizes_say_what_to_mend(
     option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["bench", "demo", "--out", str(tmp_path / "run"), *option]) == 2
-    assert "Mend --pixels, --views or --surfels" in " ".join(capsys.readouterr().err.split())
+    assert f". Mend {option[0]}" in " ".join(capsys.readouterr().err.split())
 
 
 def test_sealed_scenes_stay_at_the_size_of_their_suite() -> None:

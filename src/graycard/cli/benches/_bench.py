@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -67,7 +68,8 @@ class BenchCommand:
     memory: Memory = None
     """Memory that a fit may take, GiB; that of the machine by default."""
     out: Annotated[Path | None, optional("RUN")] = None
-    """The run folder; runs/<suite> by default."""
+    """The run folder; by default runs/<suite>, with what is other than in the suite, as in
+    runs/demo-256-pixels."""
     dataset: Annotated[Path | None, optional("DATASET")] = None
     """The folder with the scenes; scenes that it lacks are rendered into it. RUN/dataset by default."""
     until_decided: bool = False
@@ -108,6 +110,7 @@ class BenchCommand:
 
         refuse_scenes(self.suite)
         self._check()
+        self._size()
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         jobs = usable_cores() if self.jobs is None else self.jobs
         terminal.advise(find_llvm().advice)
@@ -219,12 +222,25 @@ class BenchCommand:
     def _terms(self, machines: Machines | None) -> Terms:
         from graycard.benchmarks import Terms, find_edition
 
-        try:
-            size = Size(self.pixels, self.views, self.surfels)
-        except ValueError as cause:
-            raise GraycardError(f"{cause}. Mend --pixels, --views or --surfels") from None
         edition = find_edition(self.suite) if self.sealed else None
-        return Terms(self.budget, size, edition, self.allow, machines)
+        return Terms(self.budget, self._size(), edition, self.allow, machines)
+
+    def _size(self) -> Size:
+        """Return the size that is asked for.
+
+        Raises:
+            GraycardError: An option is none.
+        """
+        for option, size in (
+            ("--pixels", partial(Size, width=self.pixels)),
+            ("--views", partial(Size, train_views=self.views)),
+            ("--surfels", partial(Size, surfels=self.surfels)),
+        ):
+            try:
+                size()
+            except ValueError as cause:
+                raise GraycardError(f"{cause}. Mend {option}") from None
+        return Size(self.pixels, self.views, self.surfels)
 
     def _bench(self, course: _Course, salt: Salt | None) -> tuple[Path, RunRecord]:
         """Run the suite, or a part of it."""
