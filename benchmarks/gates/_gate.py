@@ -44,7 +44,7 @@ class Baseline:
     suite_version: int
     scores: tuple[Expected, ...]
     departs: str = ""
-    """What the run has other than its suite asks for, in words, as half its iterations; empty for nothing."""
+    """Steps and size of the run other than its suite asks for, in words, as half its iterations; empty for nothing."""
     format: Literal["graycard-baseline"] = "graycard-baseline"
     format_version: int = BASELINE_VERSION
 

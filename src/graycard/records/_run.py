@@ -302,7 +302,7 @@ class RunRecord:
 
     @property
     def departs(self) -> str:
-        """What the run has other than its suite asks for, in words; empty for nothing."""
+        """Steps and size other than its suite asks for, in words; empty for none."""
         return departures(self.budget, self.size)
 
     @property
