@@ -44,7 +44,7 @@ class Baseline:
     suite_version: int
     scores: tuple[Expected, ...]
     departs: str = ""
-    """Steps and size of the run other than its suite asks for, in words, as half its iterations; empty for nothing."""
+    """Steps and size of the run that are other than its suite asks for, in words; empty for none."""
     format: Literal["graycard-baseline"] = "graycard-baseline"
     format_version: int = BASELINE_VERSION
 
