@@ -55,7 +55,9 @@ def test_pictures_keep_their_ratio_and_their_paths_a_pixel(tmp_path: Path) -> No
     + [{"surfels": value} for value in ("inf", "nan")],
 )
 def test_sizes_that_are_none_are_refused_wherever_they_come_from(size: dict[str, Any]) -> None:
-    numbers = {name: float(value) if isinstance(value, str) else value for name, value in size.items()}
+    numbers: dict[str, Any] = {
+        name: float(value) if isinstance(value, str) else value for name, value in size.items()
+    }
     with pytest.raises(ValueError, match="expected .* got"):
         Size(**numbers)
     with pytest.raises(RecordError, match="expected"):
