@@ -60,7 +60,9 @@ def test_every_suite_that_comes_along_can_be_built(name: str, own_seeds: bool) -
     assert tracks == (set(TRACKS) if "-" not in name else {of_one})
     for scene in suite.scenes:
         is_tuning = scene.seed >= 1000  # such scenes judge nothing
-        assert is_tuning == (name.startswith(("noise-", "convergence-", "paper-")) or name.endswith("-hd"))
+        assert is_tuning == (
+            name.startswith(("noise-", "convergence-", "paper-", "sizes-")) or name.endswith("-hd")
+        )
         settings = suite.render_of(scene)
         wanted = family_of(scene), settings.train_views, settings.test_views
         assert views_built(*wanted, *([scene.seed] if own_seeds else [])) == settings.views
