@@ -50,7 +50,7 @@ def estimates_at(sizes: Sequence[Sized], check: Check, track: str, levels: Level
 
 
 def turned_by_size(claim: Claim, sizes: Sequence[Sized], here: str, track: str, levels: Levels) -> str:
-    """Say to what the verdict that estimates alone would give turns at another size; empty if to none.
+    """Say which verdict estimates alone would give at another size; empty where it is the same at all.
 
     The few scenes of such runs give no intervals that decide, so this names a verdict and holds none back.
 
@@ -60,7 +60,7 @@ def turned_by_size(claim: Claim, sizes: Sequence[Sized], here: str, track: str, 
         here: The size of the run that is judged, as :attr:`Sized.words`; others are compared with it, or with
             the smallest where none has it.
         track: Of the scenes.
-        levels: Of intervals, which are not used.
+        levels: Of the intervals; estimates do not depend on them.
     """
     said = {size.words: _alone(claim, size.readings, track, levels) for size in sizes}
     known = {words: verdict for words, verdict in said.items() if verdict is not None}
