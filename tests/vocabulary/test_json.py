@@ -27,7 +27,7 @@ from graycard.lights import (
     light_from_json,
     light_to_json,
 )
-from graycard.records import Comparison, Ledger, RunRecord, ScoreSheet
+from graycard.records import Comparison, Ledger, RunRecord, ScoreSheet, Size
 
 Kind = Literal["soft", "hard"]
 
@@ -88,12 +88,24 @@ PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     Any: JSON_VALUES,
 }
 
+BOUNDED: dict[Any, st.SearchStrategy[Any]] = {
+    Size: st.builds(
+        Size,
+        width=st.none() | st.integers(4),
+        train_views=st.none() | st.integers(2),
+        surfels=st.floats(0, exclude_min=True, allow_infinity=False),
+    ),
+}
+"""Records that refuse some values of their fields' types."""
+
 
 def values_of(kind: Any) -> st.SearchStrategy[Any]:
     """Draw values of a field's type."""
     origin, args = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return NAMED[kind]
+    if kind in BOUNDED:
+        return BOUNDED[kind]
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = get_type_hints(kind, include_extras=True)
         return st.builds(
