@@ -13,7 +13,7 @@ import numpy as np
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Along, Check
 from graycard.benchmarks.claims._readings import Reading, Readings, knob_of
-from graycard.eval.statistics import LEVEL, locate, location_p, locations
+from graycard.eval.statistics import LEVEL, Ends, locate, location_p, locations, locations_at
 from graycard.records import SceneRecord
 
 LEAST_ON_LINE = 3
@@ -69,6 +69,13 @@ class Sample:
         """Return a number in the unit of the quantity, or as a ratio."""
         return _exponential(value) if self.check.scale == "ratio" else float(value)
 
+    def all_back(self, values: np.ndarray) -> np.ndarray:
+        """Return many such numbers; their last bit follows from the processor."""
+        if self.check.scale != "ratio":
+            return values
+        with np.errstate(over="ignore"):
+            return np.exp(values)
+
 
 @dataclass(frozen=True, slots=True)
 class Effect:
@@ -80,6 +87,17 @@ class Effect:
     """At the stricter level."""
     steps: tuple[tuple[float, float], ...] = ()
     """Estimate and upper end of each step of a ``monotone`` check, at the stricter level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effects:
+    """Intervals and steps of many samples of the same scenes, as in :class:`Effect`; arrays of shape
+    ``(K,)``.
+    """
+
+    interval: tuple[np.ndarray, np.ndarray]
+    strict: tuple[np.ndarray, np.ndarray]
+    steps: Sequence[tuple[np.ndarray, np.ndarray]] = ()
 
 
 def sample_of(check: Check, track: str, readings: Readings) -> Sample:
@@ -127,10 +145,6 @@ def effect_in(readings: Readings, check: Check, track: str, levels: Levels) -> E
         return None
 
 
-Ends = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Estimates, lower and upper ends of many samples."""
-
-
 def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends, Ends]:
     """Return estimates and ends at both levels for many samples of the same scenes.
 
@@ -139,17 +153,14 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
         drawn: Shape ``(scenes, K)``.
         levels: Of the intervals.
     """
-    usual = _ends(sample, drawn, levels.usual)
-    return usual, usual if levels.strict == levels.usual else _ends(sample, drawn, levels.strict)
-
-
-def _ends(sample: Sample, drawn: np.ndarray, level: float) -> Ends:
-    """Return estimates and ends at one level."""
+    asked = levels.usual, levels.strict
     if sample.check.along is None:
-        return locations(drawn, level)
+        usual, strict = locations_at(drawn, *asked)
+        return usual, strict
     places = sample.places
     assert places is not None, "there is a knob"
-    return changes_along(sample.check.along, places, drawn, level)
+    usual, strict = (changes_along(sample.check.along, places, drawn, level) for level in asked)
+    return usual, strict
 
 
 def step_at(drawn: np.ndarray, levels: Levels) -> tuple[np.ndarray, np.ndarray]:

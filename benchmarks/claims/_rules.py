@@ -2,11 +2,14 @@
 """From an effect to a verdict."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import reduce
 from typing import Final
 
+import numpy as np
+
 from graycard.benchmarks.claims._claim import Check, Claim
-from graycard.benchmarks.claims._effects import Effect, Interval
+from graycard.benchmarks.claims._effects import Effect, Effects
 from graycard.eval.statistics import LEVEL, least_scenes
 from graycard.records import ClaimVerdict
 
@@ -99,17 +102,36 @@ def levels_for(statements: int, level: float) -> float:
 
 def verdict_of(check: Check, effect: Effect, by: str) -> ClaimVerdict:
     """Return the verdict on one check of a claim that is judged by ``all`` or ``any`` of them."""
-    against, for_it = (effect.strict, effect.interval) if by == "all" else (effect.interval, effect.strict)
+    usual, strict, *steps = (
+        (np.array([low]), np.array([high])) for low, high in (effect.interval, effect.strict, *effect.steps)
+    )
+    return verdicts_of(check, Effects(usual, strict, steps), by)[0]
+
+
+def verdicts_of(check: Check, effects: Effects, by: str) -> list[ClaimVerdict]:
+    """Return the verdicts on many samples of the same scenes.
+
+    A claim that names no size claims more than the check's margin. So does one of any size above none: were
+    an interval that begins below the margin undecided, a scene that is more favourable could turn it to no
+    effect.
+    """
+    usual, strict = effects.interval, effects.strict
+    against, for_it = (strict, usual) if by == "all" else (usual, strict)
     if check.rule == "within":
         return _within(check, against, for_it)
-    if any(high < 0 for _, high in effect.steps):
-        return "contradicted"
-    if found := _refuted(check, against):
-        return found
+    none = check.neutral
     least, most = check.range or (-math.inf, math.inf)
-    if for_it[0] <= check.neutral or for_it[1] < least or any(step <= 0 for step, _ in effect.steps):
-        return "undecided"
-    return "larger than claimed" if for_it[0] > most else "reproduced"
+    words: list[tuple[ClaimVerdict, np.ndarray | bool]] = [
+        ("contradicted", _any_of(high < 0 for _, high in effects.steps)),
+        ("no effect", _is_negligible(check, against)),
+        ("contradicted", against[1] < none),
+        ("smaller than claimed", (check.negligible > 0) & (against[1] <= none + check.negligible)),
+        ("smaller than claimed", against[1] < least),
+        ("undecided", (for_it[0] <= none) | (for_it[1] < least)),
+        ("undecided", _any_of(middle <= 0 for middle, _ in effects.steps)),
+        ("larger than claimed", for_it[0] > most),
+    ]
+    return _first_of(words, "reproduced", len(usual[0]))
 
 
 def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
@@ -118,31 +140,37 @@ def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
     return ranked[0] if by == "all" else ranked[-1]
 
 
-def is_negligible(check: Check, interval: Interval) -> bool:
-    """Tell if the whole interval is so near to no effect that the check calls it none."""
-    return bool(check.negligible) and max(abs(e - check.neutral) for e in interval) <= check.negligible
+Spans = tuple[np.ndarray, np.ndarray]
+"""Lower and upper ends of many intervals, each of shape ``(K,)``."""
 
 
-def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
-    """Return what the interval says against the claim; None if nothing.
-
-    A claim that names no size claims more than the check's margin. So does one of any size above none: were
-    an interval that begins below the margin undecided, a scene that is more favourable could turn it to no
-    effect.
-    """
-    high = interval[1]
-    if is_negligible(check, interval):
-        return "no effect"
-    if high < check.neutral:
-        return "contradicted"
-    if check.negligible and high <= check.neutral + check.negligible:
-        return "smaller than claimed"
-    return "smaller than claimed" if check.range and high < check.range[0] else None
+def _is_negligible(check: Check, spans: Spans) -> np.ndarray | bool:
+    """Tell which intervals are as a whole so near to no effect that the check calls them none."""
+    far = [np.abs(end - check.neutral) for end in spans]
+    return bool(check.negligible) and np.maximum(*far) <= check.negligible
 
 
-def _within(check: Check, against: Interval, for_it: Interval) -> ClaimVerdict:
+def _within(check: Check, against: Spans, for_it: Spans) -> list[ClaimVerdict]:
     assert check.accepted is not None, "the file was refused without"
     least, most = check.accepted
-    if least <= for_it[0] and for_it[1] <= most:
-        return "reproduced"
-    return "contradicted" if against[1] < least or against[0] > most else "undecided"
+    words: list[tuple[ClaimVerdict, np.ndarray | bool]] = [
+        ("reproduced", (least <= for_it[0]) & (for_it[1] <= most)),
+        ("contradicted", (against[1] < least) | (against[0] > most)),
+    ]
+    return _first_of(words, "undecided", len(against[0]))
+
+
+def _any_of(found: Iterable[np.ndarray]) -> np.ndarray | bool:
+    """Tell where any of some conditions holds; nowhere, if there is none."""
+    return reduce(np.logical_or, found, False)
+
+
+def _first_of(
+    words: Sequence[tuple[ClaimVerdict, np.ndarray | bool]], rest: ClaimVerdict, count: int
+) -> list[ClaimVerdict]:
+    """Return of each of some samples the first word whose condition holds, or else the rest."""
+    places = np.full(count, len(words))
+    for place, (_, holds) in reversed([*enumerate(words)]):
+        places = np.where(holds, place, places)
+    names = [*(word for word, _ in words), rest]
+    return [names[place] for place in places.tolist()]

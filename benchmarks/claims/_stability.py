@@ -11,7 +11,7 @@ checks it stands in: checks of a claim that share a row share its noise.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Final
@@ -21,6 +21,7 @@ import numpy as np
 
 from graycard.benchmarks.claims._effects import (
     Effect,
+    Effects,
     Levels,
     Sample,
     effects_at,
@@ -30,7 +31,7 @@ from graycard.benchmarks.claims._effects import (
     step_parts_of,
 )
 from graycard.benchmarks.claims._noise import FitNoise
-from graycard.benchmarks.claims._rules import STABLE, combined, verdict_of
+from graycard.benchmarks.claims._rules import STABLE, combined, verdicts_of
 from graycard.records import ClaimVerdict
 
 REFITS: Final = 1000
@@ -115,7 +116,7 @@ def refit_verdicts(
     """
     if judged.noise is None:
         return None
-    sample, noise = judged.sample, judged.noise
+    sample, noise, back = judged.sample, judged.noise, judged.sample.all_back
     again = max(seeds or noise.seeds, noise.seeds)
     parts = parts_of(sample.check, noise.rows)
     values = _Values(sample.effects, sample.centre, spread_of(sample) ** 2)
@@ -126,8 +127,8 @@ def refit_verdicts(
         for k, step in enumerate(sample.steps.T)
     ]
     ends = [step_at(step, levels) for step in steps]
-    usual, strict = effects_at(sample, drawn, levels)
-    return [verdict_of(sample.check, _effect(sample, k, usual, strict, ends), by) for k in range(REFITS)]
+    usual, strict = ((back(low), back(high)) for _, low, high in effects_at(sample, drawn, levels))
+    return verdicts_of(sample.check, Effects(usual, strict, ends), by)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,20 +190,3 @@ def _normals(row: str, scene: str) -> np.ndarray:
     ``(REFITS,)``.
     """
     return np.random.default_rng([_SEED, crc32(row.encode()), crc32(scene.encode())]).standard_normal(REFITS)
-
-
-def _effect(
-    sample: Sample,
-    k: int,
-    usual: Sequence[np.ndarray],
-    strict: Sequence[np.ndarray],
-    steps: Sequence[tuple[np.ndarray, np.ndarray]],
-) -> Effect:
-    """Return one refit as a summary."""
-    back = sample.back
-    return Effect(
-        back(usual[0][k]),
-        (back(usual[1][k]), back(usual[2][k])),
-        (back(strict[1][k]), back(strict[2][k])),
-        tuple((float(middle[k]), float(high[k])) for middle, high in steps),
-    )

@@ -50,11 +50,13 @@ from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL as LEAST_FOR_I
 from graycard.eval.statistics._interval import LEVEL as LEVEL
 from graycard.eval.statistics._interval import mean_interval as mean_interval
 from graycard.eval.statistics._interval import mean_p as mean_p
+from graycard.eval.statistics._location import Ends as Ends
 from graycard.eval.statistics._location import Location as Location
 from graycard.eval.statistics._location import least_level as least_level
 from graycard.eval.statistics._location import locate as locate
 from graycard.eval.statistics._location import location_p as location_p
 from graycard.eval.statistics._location import locations as locations
+from graycard.eval.statistics._location import locations_at as locations_at
 from graycard.eval.statistics._null_distribution import rank_limit as rank_limit
 from graycard.eval.statistics._pairs import LEAST_SCENES as LEAST_SCENES
 from graycard.eval.statistics._pairs import Candidate as Candidate

@@ -48,7 +48,11 @@ def locate(values: Sequence[float] | np.ndarray, level: float = LEVEL) -> Locati
     return Location(float(estimate[0]), (float(low[0]), float(high[0])))
 
 
-def locations(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+Ends = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Estimates, lower and upper ends of the intervals of many samples."""
+
+
+def locations(samples: np.ndarray, level: float = LEVEL) -> Ends:
     """Return estimates and interval ends of many samples of one size.
 
     Args:
@@ -58,15 +62,27 @@ def locations(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np
     Returns:
         Estimates, lower ends and upper ends, each of shape ``(K,)``.
     """
-    if not 0 < level < 1:
-        raise ValueError(f"expected a level between 0 and 1, got {level}")
+    return locations_at(samples, level)[0]
+
+
+def locations_at(samples: np.ndarray, *levels: float) -> list[Ends]:
+    """Return what :func:`locations` does, for each of several levels."""
+    for level in levels:
+        if not 0 < level < 1:
+            raise ValueError(f"expected a level between 0 and 1, got {level}")
     first, second = np.triu_indices(len(samples))
-    walsh = np.sort((samples[first] + samples[second]) / 2, axis=0)
-    estimates = np.median(walsh, axis=0)
-    inward = rank_limit(len(samples), level)
-    if inward < 0:
-        return estimates, np.full_like(estimates, -np.inf), np.full_like(estimates, np.inf)
-    return estimates, walsh[inward], walsh[len(walsh) - 1 - inward]
+    walsh = np.asarray(samples, np.float64)[first]
+    walsh += samples[second]
+    walsh /= 2
+    walsh.sort(axis=0)
+    last = len(walsh) - 1
+    estimates = (walsh[last // 2] + walsh[last - last // 2]) / 2
+    limits = [rank_limit(len(samples), level) for level in levels]
+    open_ends = np.full_like(estimates, -np.inf), np.full_like(estimates, np.inf)
+    return [
+        (estimates, walsh[inward], walsh[last - inward]) if inward >= 0 else (estimates, *open_ends)
+        for inward in limits
+    ]
 
 
 def location_p(values: Sequence[float] | np.ndarray) -> float:

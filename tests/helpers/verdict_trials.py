@@ -7,6 +7,7 @@ from five distributions of standard deviation 1. The band of the claim is 0.5 to
 """
 
 import sys
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,8 +16,8 @@ import numpy as np
 
 from effect_shapes import SHAPES
 from graycard.benchmarks.claims import Check, Quantity
-from graycard.benchmarks.claims._effects import Effect, Levels
-from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
+from graycard.benchmarks.claims._effects import Effects, Levels
+from graycard.benchmarks.claims._rules import combined, levels_for, verdicts_of
 from graycard.eval.statistics import LEVEL, locations
 
 SIZE = 2.0
@@ -49,13 +50,8 @@ def shares(shape: str, effect: float, count: int, trials: int = 20_000, seed: in
         seed: Of the draws.
     """
     drawn = effect + SHAPES[shape](np.random.default_rng([seed, count]), (count, trials))
-    middle, low, high = locations(drawn)
-    words: dict[str, int] = {}
-    for ends in zip(middle, low, high, strict=True):
-        estimate, *interval = map(float, ends)
-        span = interval[0], interval[1]
-        word = verdict_of(CHECK, Effect(estimate, span, span), "all")
-        words[word] = words.get(word, 0) + 1
+    _, low, high = locations(drawn)
+    words = Counter(verdicts_of(CHECK, Effects((low, high), (low, high)), "all"))
     covered = float(((low <= effect) & (effect <= high)).mean())
     return Shares(covered, {word: times / trials for word, times in words.items()})
 
@@ -79,10 +75,8 @@ def wrong_claims(checks: int, shape: str, count: int, trials: int = 4_000, seed:
     found = []
     for _ in range(checks):
         drawn = SIZE / 2 + SHAPES[shape](random, (count, trials))
-        middle, *usual = locations(drawn, levels.usual)
-        _, *strict = locations(drawn, levels.strict)
-        ends = zip(middle, *usual, *strict, strict=True)
-        found.append([verdict_of(CHECK, Effect(m, (a, b), (c, d)), "all") for m, a, b, c, d in ends])
+        usual, strict = (locations(drawn, level)[1:] for level in (levels.usual, levels.strict))
+        found.append(verdicts_of(CHECK, Effects(usual, strict), "all"))
     verdicts = (combined(one, "all") for one in zip(*found, strict=True))
     return (
         sum(verdict in ("contradicted", "no effect", "smaller than claimed") for verdict in verdicts) / trials
@@ -111,14 +105,9 @@ def wrong_courses(
     values = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
     places = np.arange(rows) - (rows - 1) / 2
     change = np.tensordot(places, values, 1) / (places @ places) * (rows - 1)
-    middle, *usual = locations(change, levels.usual)
-    _, *strict = locations(change, levels.strict)
-    ends = [locations(step, levels.strict)[::2] for step in steps]
-    found = (
-        Effect(m, (a, b), (c, d), tuple((estimate[k], high[k]) for estimate, high in ends))
-        for k, (m, a, b, c, d) in enumerate(zip(middle, *usual, *strict, strict=True))
-    )
-    return sum(verdict_of(check, effect, "all") == "contradicted" for effect in found) / trials
+    usual, strict = (locations(change, level)[1:] for level in (levels.usual, levels.strict))
+    ends = [(middle, high) for middle, _, high in (locations(step, levels.strict) for step in steps)]
+    return verdicts_of(check, Effects(usual, strict, ends), "all").count("contradicted") / trials
 
 
 def main() -> None:

@@ -103,13 +103,13 @@ def test_a_ball_before_the_camera_is_a_disc_of_known_width():
     assert thin.alpha[8, 8].item() == pytest.approx(0.8 * 4 / variance, rel=1e-5)
 
 
-def test_the_number_of_channels_is_free():
-    for channels in (1, 5):
-        gaussians = random_gaussians(60, 6, channels=channels)
-        truth = rasterize_gaussians(gaussians, camera_of(), backend="reference").features
-        mine = rasterize_gaussians(gaussians, camera_of()).features
-        assert mine.shape == truth.shape == (38, 50, channels)
-        assert ((mine - truth).abs() > 1e-4).double().mean() <= 2e-3
+@pytest.mark.parametrize("channels", [pytest.param(1, marks=pytest.mark.slow), 5])
+def test_the_number_of_channels_is_free(channels: int):
+    gaussians = random_gaussians(60, 6, channels=channels)
+    truth = rasterize_gaussians(gaussians, camera_of(), backend="reference").features
+    mine = rasterize_gaussians(gaussians, camera_of()).features
+    assert mine.shape == truth.shape == (38, 50, channels)
+    assert ((mine - truth).abs() > 1e-4).double().mean() <= 2e-3
 
 
 def test_what_is_behind_or_too_thin_is_not_drawn():

@@ -39,7 +39,7 @@ def test_here(check: Callable[[], None]):
     [
         ("x86-64-v4", "avx512f", None),  # LLVM prefers ymm on some; the values are what counts
         ("x86-64-v3", "avx2", "ymm fma"),
-        ("ivybridge", "avx", "ymm no-fma"),
+        pytest.param("ivybridge", "avx", "ymm no-fma", marks=pytest.mark.slow),
         ("x86-64", "sse2", "xmm no-fma"),
     ],
 )

@@ -66,7 +66,7 @@ def test_strengths_are_those_of_what_vectors_tell(world: World):
     assert (traced - true).abs().max() > 0.1
 
 
-@pytest.mark.parametrize("visibility", ["vector", "traced", "none"])
+@pytest.mark.parametrize("visibility", ["vector", pytest.param("traced", marks=pytest.mark.slow), "none"])
 def test_more_lamps_begin_no_worse(world: World, visibility: Visibility):
     """The start of rows ``gsid-env-ao``, ``gsid-lamps-1`` and ``gsid-lamps-8``."""
     losses = []
