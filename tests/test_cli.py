@@ -313,6 +313,13 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["benhc", "demo"], "expected a verb that exists, got 'benhc' (did you mean 'bench'?)"),
         (["doctor", "--jsn", "x"], "expected options of `graycard doctor`, got --jsn"),
         (["methods", "retinx"], "did you mean 'retinex'"),
+        (["bench", "demo", "--pixels", "abc"], "expected a whole number after --pixels, got 'abc'"),
+        (["bench", "demo", "--jobs=2.5"], "expected a whole number after --jobs, got '2.5'"),
+        (["bench", "demo", "--budget", "half"], "expected a number after --budget, got 'half'"),
+        (
+            ["fit", "gray", "{scene}", "--reflectance", "bright", "--out", "{tmp}/x"],
+            "expected a number after --reflectance, got 'bright'",
+        ),
         (["render", "drak", "--out", "x"], "did you mean 'dark'"),
         (["scenes", "corrido"], "did you mean 'corridor'"),
         (["render", "dark", "--knob", "gloss", "--out", "x"], "expected a knob as NAME=VALUE, got 'gloss'"),

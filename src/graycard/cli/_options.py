@@ -104,22 +104,26 @@ def near_option(option: str, known: Iterable[str]) -> str | None:
     return next(iter(get_close_matches(option.replace("_", "-"), known, n=1, cutoff=_NEAR)), None)
 
 
-def check_choices(kind: type[Any], args: Sequence[str]) -> None:
-    """Refuse a value that is none of those that an option knows, and name the one that it is most like.
+def check_values(kind: type[Any], args: Sequence[str]) -> None:
+    """Refuse a value that is none of those that an option knows, and text where a number is asked for.
 
     Args:
-        kind: Dataclass of the verb's options.
+        kind: Dataclass of the options.
         args: Arguments after the verb.
 
     Raises:
-        UnknownNameError: There is one.
+        UnknownNameError: There is a value that is not known; it names the one that it is most like.
+        GraycardError: There is text in place of a number.
     """
     hints = get_type_hints(kind, include_extras=True)
-    values = {"--" + name.rstrip("_").replace("_", "-"): _choices(hint) for name, hint in hints.items()}
+    options = {"--" + name.rstrip("_").replace("_", "-"): hint for name, hint in hints.items()}
     for option, found in _valued(args):
-        known = values.get(option)
+        hint = options.get(option)
+        known = _choices(hint)
         if known and found not in known:
             raise UnknownNameError(f"value of {option}", found, known)
+        if found and not found.startswith("--") and (wanted := _number_asked_for(hint, found)):
+            raise GraycardError(f"expected {wanted} after {option}, got {found!r}")
     first = next((name for name, hint in hints.items() if _is_positional(hint)), "")
     known = _choices(hints[first]) if first else ()
     if args and known and not args[0].startswith("-") and args[0] not in known:
@@ -138,6 +142,27 @@ def _choices(hint: Any) -> tuple[str, ...]:
     parts = [part for part in get_args(hint) if part is not NoneType]
     found = [_choices(part) for part in parts]
     return tuple(dict.fromkeys(chain(*found))) if all(found) else ()
+
+
+def _number_asked_for(hint: Any, found: str) -> str:
+    """Return what a hint asks for, in words, where it takes numbers alone and got none; else nothing."""
+    parts = {*_parts(hint)} - {NoneType}
+    if not parts or not parts <= {int, float}:
+        return ""
+    if NoneType in _parts(hint) and found == "None":
+        return ""
+    try:
+        float(found) if float in parts else int(found)
+    except ValueError:
+        return "a number" if float in parts else "a whole number"
+    return ""
+
+
+def _parts(hint: Any) -> tuple[Any, ...]:
+    """Return the types that a hint is a union of, or the hint itself."""
+    if get_origin(hint) is Annotated:
+        return _parts(get_args(hint)[0])
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def _valued(args: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -183,6 +208,7 @@ def parse_settings(kind: type[Settings], args: Sequence[str], command: str, also
         GraycardError: An argument is no setting.
         SystemExit: A value is not allowed; tyro has said why.
     """
+    check_values(kind, args)
     settings, rest = tyro.cli(kind, args=args, prog=command, return_unknown_args=True)
     if rest:
         refuse(rest, command, [*option_names(kind), *option_names(also)])

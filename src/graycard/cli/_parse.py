@@ -11,7 +11,7 @@ import tyro
 
 from graycard.cli._options import (
     TakesSettings,
-    check_choices,
+    check_values,
     given_options,
     near_option,
     option_names,
@@ -30,7 +30,8 @@ def parse_verb(verb: Verb, args: Sequence[str]) -> tuple[Any, list[str]]:
         args: Arguments after it.
 
     Raises:
-        GraycardError: The verb does not take some argument, or a value is none of those that it knows.
+        GraycardError: The verb does not take some argument, a value is none of those that it knows, or text
+            is in place of a number.
         SystemExit: An argument is missing, or a value is of the wrong type; tyro has said which.
     """
     kind, prog = verb.load(), f"graycard {verb.name}"
@@ -41,7 +42,7 @@ def parse_verb(verb: Verb, args: Sequence[str]) -> tuple[Any, list[str]]:
         known = _required(kind) - {*given}
         wrong = [option for option in wrong if near_option(option, known)]
     refuse(wrong, prog, known)
-    check_choices(kind, args)
+    check_values(kind, args)
     command, rest = tyro.cli(kind, args=args, prog=prog, return_unknown_args=True)
     if not isinstance(command, TakesSettings):
         refuse(rest, prog, known)
