@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Render the scenes of a run, each in parts where more workers are there than scenes."""
+"""Render the scenes of a run, each in parts where workers would else be idle."""
 
 from collections.abc import Callable
 from math import ceil
@@ -56,11 +56,11 @@ def _render_parts(
 ) -> None:
     """Render pictures of scenes that are not there, in parts; whoever renders the scenes then finds them.
 
-    Nothing is done where there are as many scenes as workers. A part that fails is left to the rendering of
-    its scene, which says why.
+    Nothing is done where there are as many scenes as workers, or twice as many and more: each part loads its
+    scene anew. A part that fails is left to the rendering of its scene, which says why.
     """
     absent = [job for job in jobs if find_rendered(job) is None]
-    if not 0 < len(absent) < workers:
+    if not absent or len(absent) == workers or len(absent) >= _EACH * workers:
         return
     begun = [
         (job, outcome.value or ())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes are cut into parts where more workers are there than scenes."""
+"""Scenes are cut into parts where workers would else be idle."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -65,7 +65,15 @@ def test_parts_of_several_scenes_are_of_one_size(tmp_path: Path):
     assert {part.scene.spec.seed for part in parts} == {0, 1, 2}
 
 
-@pytest.mark.parametrize(("count", "machines"), [(2, True), (3, True), (1, False)])
+def test_a_scene_more_than_workers_leaves_none_of_them_idle(tmp_path: Path):
+    workers = Workers(8, pictures=30)
+    render(workers, scenes(9, tmp_path))
+    parts: list[PartJob] = workers.given[1][1]
+    assert sorted(len(part.numbers) for part in parts) == [13] * 9 + [17] * 9
+    assert len({part.scene.spec.seed for part in parts}) == 9
+
+
+@pytest.mark.parametrize(("count", "machines"), [(2, True), (4, True), (5, True), (1, False), (3, False)])
 def test_scenes_are_whole_jobs_where_they_are_enough_or_there_is_one_machine(
     count: int, machines: bool, tmp_path: Path
 ):
