@@ -57,6 +57,7 @@ def possible_causes(
     old, new = before.claims[claim], after.claims[claim]
     found: dict[Cause, bool] = {
         "new run": before.started != after.started,
+        "rows added": _has_more(before, after) and old.verdict == NOT_TESTED,
         "method changed": before.started != after.started,
         "checks changed": _file(before, claim) != _file(after, claim) or _asks(old) != _asks(new),
         "rules changed": reasons.edition(before.rules_sha256) != reasons.edition(after.rules_sha256),
@@ -121,6 +122,11 @@ def _check_reasons(history: VerdictHistory, reasons: Reasons) -> None:
                     f"expected causes that the ledgers allow ({', '.join(possible) or 'none'}), got "
                     f"{', '.join(denied)} for {claim!r} in {where}"
                 )
+
+
+def _has_more(before: LedgerEntry, after: LedgerEntry) -> bool:
+    """Tell whether two ledgers are of one run that went on in between."""
+    return before.started == after.started and before.run_sha256 != after.run_sha256
 
 
 def _asks(claim: ClaimEntry) -> frozenset[tuple[object, ...]]:

@@ -11,10 +11,10 @@ from graycard.io import from_builtins, read_toml
 REASONS = "history.toml"
 """Beside ``history.json``."""
 
-Cause = Literal["new run", "method changed", "checks changed", "rules changed"]
-"""``new run``: scenes were fitted again. ``method changed``: by other code or settings of a method.
-``checks changed``: the claim is held against other comparisons. ``rules changed``: the same numbers are
-judged in another way."""
+Cause = Literal["new run", "rows added", "method changed", "checks changed", "rules changed"]
+"""``new run``: scenes were fitted again. ``rows added``: the same run could not test the claim before.
+``method changed``: by other code or settings of a method. ``checks changed``: the claim is held against other
+comparisons. ``rules changed``: the same numbers are judged in another way."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 
 

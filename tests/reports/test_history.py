@@ -93,10 +93,15 @@ def whole_ledger(verdict: str, run: Path) -> Ledger:
 @pytest.fixture
 def kept(tmp_path: Path) -> Path:
     """Return a folder whose history has one ledger."""
-    entry = entry_of(ledger_json("reproduced"), "mine/claims.json", "2026-01-01", started="monday")
-    (tmp_path / HISTORY).write_text(history_text(VerdictHistory((entry,))))
-    (tmp_path / REASONS).write_text(EDITION)
-    return tmp_path
+    return begun(tmp_path, "reproduced")
+
+
+def begun(folder: Path, verdict: str) -> Path:
+    """Begin a history with one ledger in a folder, and return it."""
+    entry = entry_of(ledger_json(verdict), "mine/claims.json", "2026-01-01", started="monday")
+    (folder / HISTORY).write_text(history_text(VerdictHistory((entry,))))
+    (folder / REASONS).write_text(EDITION)
+    return folder
 
 
 def add_reason(folder: Path, **changed: str) -> None:
@@ -217,6 +222,24 @@ def test_checks_that_changed_need_a_reason_on_the_same_fits_too(kept: Path):
     other = [check_json("undecided", effect_of="mine − others")]
     with pytest.raises(RecordError, match=r"reproduced → undecided \(checks changed\)"):
         grown(kept, ledger_json("undecided", other))
+
+
+@pytest.mark.parametrize("is_written", [False, True])
+def test_rows_that_were_added_are_the_cause_where_a_claim_could_not_be_tested(
+    is_written: bool, tmp_path: Path
+):
+    begun(tmp_path, "not testable here")
+    if is_written:
+        add_reason(tmp_path, **{"new run": "rows added"})
+    (change,) = changes_of(grown(tmp_path, ledger_json("reproduced", run="ef")), load_reasons(tmp_path))
+    assert change.causes == ("rows added",)
+
+
+@pytest.mark.parametrize("started", ["monday", "tuesday"])
+def test_rows_are_not_added_to_what_was_tested_or_to_another_run(kept: Path, started: str):
+    add_reason(kept, **{"new run": "rows added"})
+    with pytest.raises(RecordError, match="got rows added for 'M1'"):
+        grown(kept, ledger_json("contradicted", run="ef"), started)
 
 
 def test_what_cannot_be_tested_any_more_says_why_itself(kept: Path):
