@@ -114,7 +114,7 @@ class Bench:
     whole: Suite | None
     """The suite that this one was narrowed from; None for a whole one."""
     terms: Terms
-    started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+    started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="milliseconds"))
     clock: float = field(default_factory=time.perf_counter)
 
     @property

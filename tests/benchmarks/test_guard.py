@@ -218,6 +218,9 @@ def test_settings_of_a_fit_by_hand_are_asked_apart(scene: Path):
     assert told["settings"] == {"reflectance": 0.5}
     assert told["exit"] is None
     asked["args"] = ["--reflectance", "much"]
+    with pytest.raises(MethodError, match="expected a number after --reflectance, got 'much'"):
+        ask_apart("stranger:Method", scene, "graycard.cli._runs:told_settings", told=asked)
+    asked["args"] = ["--reflectance"]
     told = ask_apart("stranger:Method", scene, "graycard.cli._runs:told_settings", told=asked)
     assert told["exit"] == 2
     asked["method"] = "stranger_early:Method"

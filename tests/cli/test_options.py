@@ -129,8 +129,10 @@ def test_settings_are_parsed_or_refused():
     assert parse_settings(Lens, ["--focal-length", "50"], "graycard fit lens", verb) == Lens(50.0)
     with pytest.raises(GraycardError, match="expected options of `graycard fit lens`, got 7. See"):
         parse_settings(Lens, ["7"], "graycard fit lens", verb)
-    with pytest.raises(SystemExit, match="2"):
+    with pytest.raises(GraycardError, match="expected a number after --focal-length, got 'far'"):
         parse_settings(Lens, ["--focal-length", "far"], "graycard fit lens", verb)
+    with pytest.raises(SystemExit, match="2"):
+        parse_settings(Lens, ["--focal-length"], "graycard fit lens", verb)
 
 
 @pytest.mark.parametrize("options", [["--hold_out", "0"], ["--hold-out=0"]])
