@@ -70,7 +70,7 @@ class Sample:
         return _exponential(value) if self.check.scale == "ratio" else float(value)
 
     def all_back(self, values: np.ndarray) -> np.ndarray:
-        """Return many such numbers; their last bit follows from the processor."""
+        """Return many such numbers at once; the last bit may differ from that of :meth:`back`."""
         if self.check.scale != "ratio":
             return values
         with np.errstate(over="ignore"):
@@ -153,14 +153,15 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
         drawn: Shape ``(scenes, K)``.
         levels: Of the intervals.
     """
-    asked = levels.usual, levels.strict
     if sample.check.along is None:
-        usual, strict = locations_at(drawn, *asked)
+        usual, strict = locations_at(drawn, levels.usual, levels.strict)
         return usual, strict
     places = sample.places
     assert places is not None, "there is a knob"
-    usual, strict = (changes_along(sample.check.along, places, drawn, level) for level in asked)
-    return usual, strict
+    usual = changes_along(sample.check.along, places, drawn, levels.usual)
+    if levels.strict == levels.usual:
+        return usual, usual
+    return usual, changes_along(sample.check.along, places, drawn, levels.strict)
 
 
 def step_at(drawn: np.ndarray, levels: Levels) -> tuple[np.ndarray, np.ndarray]:

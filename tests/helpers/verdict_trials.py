@@ -18,7 +18,7 @@ from effect_shapes import SHAPES
 from graycard.benchmarks.claims import Check, Quantity
 from graycard.benchmarks.claims._effects import Effects, Levels
 from graycard.benchmarks.claims._rules import combined, levels_for, verdicts_of
-from graycard.eval.statistics import LEVEL, locations
+from graycard.eval.statistics import LEVEL, locations, locations_at
 
 SIZE = 2.0
 """Size of the claimed effect, in standard deviations between scenes."""
@@ -75,7 +75,7 @@ def wrong_claims(checks: int, shape: str, count: int, trials: int = 4_000, seed:
     found = []
     for _ in range(checks):
         drawn = SIZE / 2 + SHAPES[shape](random, (count, trials))
-        usual, strict = (locations(drawn, level)[1:] for level in (levels.usual, levels.strict))
+        usual, strict = (ends[1:] for ends in locations_at(drawn, levels.usual, levels.strict))
         found.append(verdicts_of(CHECK, Effects(usual, strict), "all"))
     verdicts = (combined(one, "all") for one in zip(*found, strict=True))
     return (
@@ -105,7 +105,7 @@ def wrong_courses(
     values = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
     places = np.arange(rows) - (rows - 1) / 2
     change = np.tensordot(places, values, 1) / (places @ places) * (rows - 1)
-    usual, strict = (locations(change, level)[1:] for level in (levels.usual, levels.strict))
+    usual, strict = (found[1:] for found in locations_at(change, levels.usual, levels.strict))
     ends = [(middle, high) for middle, _, high in (locations(step, levels.strict) for step in steps)]
     return verdicts_of(check, Effects(usual, strict, ends), "all").count("contradicted") / trials
 

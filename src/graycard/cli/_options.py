@@ -132,29 +132,21 @@ def check_values(kind: type[Any], args: Sequence[str]) -> None:
 
 def _choices(hint: Any) -> tuple[str, ...]:
     """Return the texts that a hint allows; none where it allows others as well."""
-    origin = get_origin(hint)
-    if origin is Literal:
-        return tuple(map(str, get_args(hint)))
-    if origin is Annotated:
-        return _choices(get_args(hint)[0])
-    if origin not in (Union, UnionType):
-        return ()
-    parts = [part for part in get_args(hint) if part is not NoneType]
-    found = [_choices(part) for part in parts]
-    return tuple(dict.fromkeys(chain(*found))) if all(found) else ()
+    parts = [part for part in _parts(hint) if part is not NoneType]
+    found = [get_args(part) if get_origin(part) is Literal else () for part in parts]
+    return tuple(dict.fromkeys(map(str, chain(*found)))) if all(found) else ()
 
 
 def _number_asked_for(hint: Any, found: str) -> str:
     """Return what a hint asks for, in words, where it takes numbers alone and got none; else nothing."""
-    parts = {*_parts(hint)} - {NoneType}
-    if not parts or not parts <= {int, float}:
-        return ""
-    if NoneType in _parts(hint) and found == "None":
+    parts = {*_parts(hint)}
+    kinds = parts - {NoneType}
+    if not kinds or not kinds <= {int, float} or (found == "None" and NoneType in parts):
         return ""
     try:
-        float(found) if float in parts else int(found)
+        float(found) if float in kinds else int(found)
     except ValueError:
-        return "a number" if float in parts else "a whole number"
+        return "a number" if float in kinds else "a whole number"
     return ""
 
 
@@ -162,7 +154,9 @@ def _parts(hint: Any) -> tuple[Any, ...]:
     """Return the types that a hint is a union of, or the hint itself."""
     if get_origin(hint) is Annotated:
         return _parts(get_args(hint)[0])
-    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    if get_origin(hint) in (Union, UnionType):
+        return tuple(chain(*map(_parts, get_args(hint))))
+    return (hint,)
 
 
 def _valued(args: Sequence[str]) -> Iterator[tuple[str, str]]:
