@@ -24,15 +24,15 @@ def sealed_in(spec: SceneSpec, also: Suite | None = None) -> str:
         spec: The scene.
         also: A suite of one's own, beside those that come with graycard.
     """
-    ranges = {**_sealed_ranges(), **({also.name: also.sealed} if also and also.sealed else {})}
-    return next((name for name, found in ranges.items() if found.holds(spec)), "")
+    ranges = [*_sealed_ranges(), *([(also.name, also.sealed)] if also and also.sealed else [])]
+    return next((name for name, found in ranges if found.holds(spec)), "")
 
 
 @cache
-def _sealed_ranges() -> dict[str, SceneRange]:
-    """Return the sealed ranges of the suites that come with graycard."""
+def _sealed_ranges() -> tuple[tuple[str, SceneRange], ...]:
+    """Return the suites that come with graycard and have sealed ranges, with those."""
     suites = map(load_suite, suite_names())
-    return {suite.name: suite.sealed for suite in suites if suite.sealed is not None}
+    return tuple((suite.name, suite.sealed) for suite in suites if suite.sealed is not None)
 
 
 def refuse_sealed(specs: Iterable[SceneSpec], also: Suite | None = None) -> None:

@@ -254,7 +254,7 @@ def find_rendered(job: RenderJob) -> Outcome | None:
 
 def find_fit(job: FitJob) -> Outcome | None:
     """Return the outcome of a fit that has been done and whose predictions are intact; else None."""
-    done = _read_or_none(Done, job.folder / DONE)
+    done = read_or_none(Done, job.folder / DONE)
     if done is None or done.job_hash != job.job_hash:
         return None
     if job.given is None and done.fitted is None:
@@ -271,7 +271,7 @@ def find_scores(job: FitJob) -> Outcome | None:
 
     None if there are none.
     """
-    scored = _read_or_none(Scored, job.folder / SCORES)
+    scored = read_or_none(Scored, job.folder / SCORES)
     if scored is None or scored.key != _score_key(job):
         return None
     return Outcome(reused=True, value=scored.sheet)
@@ -283,7 +283,7 @@ def _score_key(job: FitJob) -> tuple[str, ...]:
     return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 
 
-def _read_or_none(cls: type[R], path: Path) -> R | None:
+def read_or_none(cls: type[R], path: Path) -> R | None:
     """Return a record, or None where there is none that can be used: then the work is done again."""
     try:
         return from_builtins(cls, read_json(path))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from graycard import GraycardError, RecordError, open_truth
+from graycard import GraycardError, NewerRecordError, RecordError, open_truth
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._sources import hardware
@@ -28,7 +28,7 @@ from graycard.records import (
     departures,
     read_run,
 )
-from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
+from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe, scene_name
 
 _AS_SUITE = Size()
 
@@ -151,11 +151,14 @@ def record_before(
 
     Raises:
         RunError: It was of another suite, at another budget or size, or of another edition.
+        NewerRecordError: Only a newer graycard reads it.
     """
     if not (run / RUN_FILE).is_file():
         return None
     try:
         before = read_run(run)
+    except NewerRecordError:
+        raise  # not damaged, and not ours to replace
     except RecordError:
         return None  # of an older format or damaged: it is written anew
     wanted = _kind(f"{suite.name!r} version {suite.version}", budget, size, edition)
@@ -166,6 +169,24 @@ def record_before(
         raise RunError(
             f"expected {run} to be free or to hold a run of {wanted}, got one of {found}. "
             "Choose another --out"
+        )
+    return before
+
+
+def plain_record_before(
+    run: Path, suite: Suite, budget: float = 1.0, size: Size = _AS_SUITE, edition: Edition | None = None
+) -> RunRecord | None:
+    """Return what an earlier bench left in this folder, which adds no scenes until claims are decided.
+
+    Raises:
+        RunError: As of :func:`record_before`, or it adds such scenes.
+    """
+    before = record_before(run, suite, budget, size, edition)
+    if before is not None and before.looks is not None:
+        raise RunError(
+            f"expected {run} to be free or to hold a run of {suite.name!r}, got one that adds scenes until "
+            f"claims are decided. Go on with --until-decided --max-scenes {before.looks.most}, or choose "
+            "another --out"
         )
     return before
 
@@ -189,7 +210,8 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     Args:
         record: Of a part of a suite.
         before: What the folder had.
-        suite: The whole: methods and results come in its order, whatever was run when.
+        suite: The whole: scenes, methods and results come in its order, whatever was run when. Scenes that
+            it does not list, as sealed ones, come behind.
     """
     truths = {(s.track, s.scene): s.truth_sha256 for s in record.scenes}
     kept = [s for s in before.scenes if truths.get((s.track, s.scene), s.truth_sha256) == s.truth_sha256]
@@ -203,7 +225,9 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         for r in before.results
         if _key(r.job) not in keys and (r.job.track, r.job.scene) in same and r.job.method not in others
     ]
-    scenes = record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths)
+    order = {(spec.track, scene_name(spec)): place for place, spec in enumerate(suite.scenes)}
+    both = record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths)
+    scenes = tuple(sorted(both, key=lambda s: order.get((s.track, s.scene), len(order))))
     methods = record.methods + tuple(m for m in before.methods if m.name not in names)
     rows = {name: place for place, name in enumerate(method.row for method in suite.methods)}
     places = [(s.track, s.scene) for s in scenes]

@@ -40,6 +40,7 @@ from graycard.benchmarks._run_record import (
     measures_nothing_new,
     method_record,
     of_machines,
+    plain_record_before,
     record_before,
     renderers,
     result_of,
@@ -54,7 +55,7 @@ from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_first_look
-from graycard.io import sha256, write_json
+from graycard.io import file_lock, sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
@@ -96,7 +97,7 @@ class Measured:
     """True where every fit and every score was there already."""
 
 
-Ended = Sequence[tuple[FitJob, Outcome]]
+Fits = Sequence[tuple[FitJob, Outcome]]
 """Jobs with how they ended, in the order of the plan."""
 
 
@@ -168,18 +169,14 @@ def run_bench(
         OutputError: The folder cannot be written to, or the disk is full.
     """
     bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, whole, terms)
-    before = record_before(run, suite, terms.budget, terms.size, terms.edition)
-    if before is not None and before.looks is not None:
-        raise RunError(
-            f"expected {run} to be free or to hold a run of {suite.name!r}, got one that adds scenes until "
-            f"claims are decided. Go on with --until-decided --max-scenes {before.looks.most}, or choose "
-            "another --out"
-        )
+    kind = run, suite, terms.budget, terms.size, terms.edition
+    plain_record_before(*kind)  # refuses the folder of another run
     part = measure(bench)
-    record = part.record
-    if before is not None:
-        record = _with_earlier(record, before, whole, all_reused=part.all_reused)
-    write_run(record, run)
+    with file_lock(run / ".lock", lambda who: progress(1.0, f"waiting for {who}")):
+        # Another bench may have written its part of the suite meanwhile.
+        before = plain_record_before(*kind)
+        record = _with_earlier(part, before, whole) if before else part.record
+        write_run(record, run)
     return record
 
 
@@ -282,7 +279,7 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     return replace(bench, suite=replace(bench.suite, methods=tuple(methods))), rows
 
 
-def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
+def _fit(bench: Bench, plan: Sequence[FitJob]) -> Fits:
     """Make all predictions."""
     given = run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits
     outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
@@ -291,7 +288,7 @@ def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
     return fitted
 
 
-def _score(bench: Bench, fitted: Ended) -> Ended:
+def _score(bench: Bench, fitted: Fits) -> Fits:
     """Score all predictions that were made."""
     made = [job for job, outcome in fitted if not outcome.reason]
     given = run_score, made, bench.jobs, bench.part(2, "scoring"), find_scores, bench.limits
@@ -303,8 +300,8 @@ def _record(
     bench: Bench,
     known: Sequence[Introduction],
     scenes: list[tuple[SceneSpec, Path]],
-    fitted: Ended,
-    scored: Ended,
+    fitted: Fits,
+    scored: Fits,
     origins: Mapping[str, Any],
 ) -> RunRecord:
     """Return what is said of this run alone, and write the suite that it is of beside it."""
@@ -327,30 +324,29 @@ def _record(
     )
 
 
-def _results(fitted: Ended, scored: Ended, run: Path) -> tuple[JobResult, ...]:
+def _results(fitted: Fits, scored: Fits, run: Path) -> tuple[JobResult, ...]:
     """Return how each job ended."""
     scores = {job.folder: outcome for job, outcome in scored}
     return tuple(result_of(job, outcome, scores.get(job.folder), run) for job, outcome in fitted)
 
 
-def _all_reused(fitted: Ended, scored: Ended) -> bool:
+def _all_reused(fitted: Fits, scored: Fits) -> bool:
     """Tell whether the run found every fit and every score done."""
     return all(outcome.reused for outcome in (*_of_fits(fitted), *_of_fits(scored)))
 
 
-def _of_fits(done: Ended) -> list[Outcome]:
+def _of_fits(done: Fits) -> list[Outcome]:
     """Return outcomes of what was fitted here: submitted predictions measure nothing and leave no stages."""
     return [outcome for job, outcome in done if job.given is None]
 
 
-def _with_earlier(
-    record: RunRecord, before: RunRecord, whole: Suite | None, *, all_reused: bool
-) -> RunRecord:
+def _with_earlier(part: Measured, before: RunRecord, whole: Suite | None) -> RunRecord:
     """Return a record with what an earlier one of the folder has to say.
 
     Nothing measured anew keeps what was true of the measurement; of a part of a suite the rest is added.
     """
-    if all_reused and measures_nothing_new(record, before):
+    record = part.record
+    if part.all_reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)
     return record if whole is None else joined(record, before, whole)

@@ -6,8 +6,7 @@ from pathlib import Path
 from statistics import fmean
 
 from graycard import GraycardError
-from graycard.benchmarks._jobs import SCORING, CpuCost, rendering_cost
-from graycard.io import from_builtins, read_json
+from graycard.benchmarks._jobs import SCORING, CpuCost, read_or_none, rendering_cost
 from graycard.records import RunRecord, job_folder
 
 
@@ -117,11 +116,17 @@ def outlook(
 def _measured(track: str, record: RunRecord, run: Path) -> Measured:
     scenes = [scene for scene in record.scenes if scene.track == track]
     rendered = [
-        cost.cpu_s for s in scenes if (cost := _cost(rendering_cost(run, track, s.scene))) is not None
+        cost.cpu_s
+        for s in scenes
+        if (cost := read_or_none(CpuCost, rendering_cost(run, track, s.scene))) is not None
     ]
     jobs = [result for result in record.results if result.job.track == track and result.cost is not None]
     fits = [result.cost.cpu_s for result in jobs if result.cost and result.cost.cpu_s is not None]
-    scores = [cost.cpu_s for result in jobs if (cost := _cost(job_folder(run, result) / SCORING)) is not None]
+    scores = [
+        cost.cpu_s
+        for result in jobs
+        if (cost := read_or_none(CpuCost, job_folder(run, result) / SCORING)) is not None
+    ]
     for what, found in (("scene", rendered), ("fit", fits), ("set of scores", scores)):
         if not found:
             raise GraycardError(
@@ -139,14 +144,6 @@ def _measured(track: str, record: RunRecord, run: Path) -> Measured:
         fmean(_size(job_folder(run, result)) for result in jobs),
         max(result.cost.peak_memory_mib for result in jobs if result.cost),
     )
-
-
-def _cost(path: Path) -> CpuCost | None:
-    """Return what a job took; None where nothing tells."""
-    try:
-        return from_builtins(CpuCost, read_json(path))
-    except GraycardError:
-        return None
 
 
 def _size(folder: Path) -> int:

@@ -16,13 +16,18 @@ from graycard.benchmarks._jobs import (
 )
 from graycard.benchmarks._run_record import RunError
 from graycard.machines import Machines
-from graycard.processes import Outcome
+from graycard.processes import Outcome, named, narrowed
 from graycard.synth import scene_name
 
 _LEAST = 4
 """Pictures of a part at least: a worker takes seconds to import Mitsuba and to compile its kernels."""
-_EACH = 2
+_PARTS_EACH = 2
 """Parts for each worker, so that none waits long for the last."""
+_SCENES_EACH = 2
+"""Scenes for each worker that are enough: few workers are then idle at the end."""
+
+_IN_PARTS, _BEGUN = 0.9, 0.05
+"""Shares of progress: of all at which the parts are done, and of the parts at which scenes are begun."""
 
 
 def render_scenes(
@@ -43,7 +48,8 @@ def render_scenes(
         RunError: A scene could not be rendered.
     """
     if machines is not None:
-        _render_parts(jobs, run_all, sum(machines.threads_of_workers().values()), progress)
+        _render_parts(jobs, run_all, machines.jobs_at_a_time(), narrowed(progress, 0.0, _IN_PARTS))
+        progress = narrowed(progress, _IN_PARTS, 1.0)
     outcomes = run_all(run_render, jobs, 1, progress, find_rendered)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
@@ -60,20 +66,18 @@ def _render_parts(
     scene anew. A part that fails is left to the rendering of its scene, which says why.
     """
     absent = [job for job in jobs if find_rendered(job) is None]
-    if not absent or len(absent) == workers or len(absent) >= _EACH * workers:
+    if not absent or len(absent) == workers or len(absent) >= _SCENES_EACH * workers:
         return
-    begun = [
-        (job, outcome.value or ())
-        for job, outcome in zip(absent, run_all(run_begin, absent, 1, progress), strict=True)
-    ]
+    begins = run_all(run_begin, absent, 1, named(narrowed(progress, 0.0, _BEGUN), "beginning"))
+    begun = [(job, outcome.value or ()) for job, outcome in zip(absent, begins, strict=True)]
     size = part_size(sum(len(numbers) for _, numbers in begun), workers)
     parts = [PartJob(job, part) for job, numbers in begun for part in cut(numbers, size)]
-    run_all(run_part, parts, 1, progress)
+    run_all(run_part, parts, 1, named(narrowed(progress, _BEGUN, 1.0), "parts"))
 
 
 def part_size(pictures: int, workers: int) -> int:
     """Return how many pictures a part has."""
-    return max(_LEAST, ceil(pictures / (_EACH * max(1, workers))))
+    return max(_LEAST, ceil(pictures / (_PARTS_EACH * max(1, workers))))
 
 
 def cut(numbers: tuple[int, ...], size: int) -> list[tuple[int, ...]]:

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Validity: whether a run is a valid result: one that another could trust, repeat, and not have made up by
-mistake.
-"""
+"""Check a run against all rules for a valid result."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

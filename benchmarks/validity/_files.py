@@ -71,7 +71,7 @@ def _predictions(result: JobResult, run: Path) -> Iterator[Breach]:
 
 
 def _records(result: JobResult, run: Path) -> Iterator[Breach]:
-    """Return whether ``scores.json`` and ``job.json`` say what ``run.json`` says."""
+    """Yield a breach where ``scores.json`` or ``job.json`` does not say what ``run.json`` says."""
     try:
         scored = from_builtins(Scored, read_json(job_folder(run, result) / SCORES), source=SCORES)
         done = from_builtins(Done, read_json(job_folder(run, result) / DONE), source=DONE)
@@ -87,7 +87,7 @@ def _records(result: JobResult, run: Path) -> Iterator[Breach]:
 
 
 def _depends(result: JobResult, scene: SceneRecord, run: Path) -> Iterator[Breach]:
-    """Return whether a fit and its scores are of the truth and the capture that the run names."""
+    """Yield a breach where a fit or its scores are of another truth or capture than the run names."""
     if result.sheet and result.sheet.truth_sha256 != scene.truth_sha256:
         yield Breach(
             "hashes", place_of(result), "expected scores by the truth of run.json, got another truth"

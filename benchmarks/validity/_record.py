@@ -88,7 +88,7 @@ def _failed_fits(run: RunRecord) -> Iterator[Breach]:
 
 
 def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
-    """Return faults of one scene: methods without scores that others have, or over other views."""
+    """Yield a breach for each score of a scene that a method lacks or has over other views than others."""
     sheets = [
         (result, {score.metric: score for score in result.sheet.scores}) for result in results if result.sheet
     ]

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Suite: whether a run is of the suite that it names: what ``run.json`` leaves out, ``run.json`` cannot
-tell.
-"""
+"""Hold a run against the suite that it names: scenes, seeds and settings."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -111,7 +109,7 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
         suite = at_size(suite, run.size)
     except RecordError as cause:
         return [Breach(RULE, RUN_FILE, str(cause))]
-    found = [*_missing_scenes(run, suite), *_missing_seeds(run, suite)]
+    found = [*_missing_scenes(run, suite), *_other_seeds(run, suite)]
     specs = {(spec.track, scene_name(spec)): spec for spec in _scenes(run, suite)}
     for scene in run.scenes:
         if spec := specs.get((scene.track, scene.scene)):
@@ -146,9 +144,13 @@ def _missing_scenes(run: RunRecord, suite: Suite) -> Iterator[Breach]:
         yield Breach(RULE, f"{track}/{scene}", f"expected scenes of {suite.name}, got one that it has not")
 
 
-def _missing_seeds(run: RunRecord, suite: Suite) -> Iterator[Breach]:
-    for seed in sorted(set(suite.seeds) - {result.job.seed for result in run.results}):
+def _other_seeds(run: RunRecord, suite: Suite) -> Iterator[Breach]:
+    there = {result.job.seed for result in run.results}
+    for seed in sorted(set(suite.seeds) - there):
         yield Breach(RULE, RUN_FILE, f"expected fits with seed {seed}, as {suite.name} has them, got none")
+    for seed in sorted(there - set(suite.seeds)):
+        what = f"expected fits with the seeds of {suite.name}, got some with seed {seed}, which it has not"
+        yield Breach(RULE, RUN_FILE, what)
 
 
 def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -> Iterator[Breach]:

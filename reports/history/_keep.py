@@ -93,7 +93,7 @@ def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
     """
     where = Path(folder or OWN).resolve()
     if (where / HISTORY).is_file():
-        return changes_of(read_history(where), load_reasons(where))
+        return changes_of(*read_kept(where))
     above = where.parent
     if not (is_published(where) and (above / HISTORY).is_file()):
         raise RecordError(
@@ -106,7 +106,17 @@ def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
         raise RecordError(
             f"expected a suite of {above / HISTORY} ({told}), got {suite}. Publish its run there"
         )
-    return tuple(change for change in changes_of(history, load_reasons(above)) if change.suite == suite)
+    return tuple(change for change in changes_of(*read_kept(above)) if change.suite == suite)
+
+
+def read_kept(folder: Path) -> tuple[VerdictHistory, Reasons]:
+    """Return the history of a folder, and the reasons that are written for its ledgers so far.
+
+    Raises:
+        RecordError: There is none, or a file is damaged.
+    """
+    history = read_history(folder)
+    return history, _without_coming(load_reasons(folder), history)
 
 
 def missing_reasons(changes: tuple[Change, ...], folder: Path) -> str:
@@ -130,9 +140,9 @@ def history_text(history: VerdictHistory) -> str:
     return f'{{"entries": [\n{lines}\n],\n{rest[1:]}\n'
 
 
-def _without_coming(reasons: Reasons, history: VerdictHistory, suite: str) -> Reasons:
-    """Return reasons without those that are written for the next ledger of any suite but one."""
-    coming = {other: len(history.of_suite(other)) + 1 for other in history.suites if other != suite}
+def _without_coming(reasons: Reasons, history: VerdictHistory, but: str | None = None) -> Reasons:
+    """Return reasons without those that are written for the next ledger of any suite, ``but`` one."""
+    coming = {suite: len(history.of_suite(suite)) + 1 for suite in history.suites if suite != but}
     return replace(reasons, reasons=tuple(r for r in reasons.reasons if r.entry != coming.get(r.suite)))
 
 

@@ -18,10 +18,10 @@ from graycard.records import (
     Ledger,
     VerdictHistory,
     is_published_run,
-    read_history,
     read_ledger,
 )
-from graycard.reports.history._reasons import Reasons, load_reasons
+from graycard.reports.history._keep import read_kept
+from graycard.reports.history._reasons import Reasons
 from graycard.reports.site._anchors import Anchors
 
 SITE = "ledger.json"
@@ -105,11 +105,7 @@ def histories(runs: Iterable[Published]) -> tuple[Kept, ...]:
         RecordError: One is damaged.
     """
     above = dict.fromkeys(run.folder.resolve().parent for run in runs)
-    return tuple(
-        Kept(folder, read_history(folder), load_reasons(folder))
-        for folder in above
-        if (folder / HISTORY).is_file()
-    )
+    return tuple(Kept(folder, *read_kept(folder)) for folder in above if (folder / HISTORY).is_file())
 
 
 def tables_of(kept: Iterable[Kept]) -> tuple[Ledger, ...]:

@@ -19,6 +19,7 @@ from graycard._errors import DatasetError as DatasetError
 from graycard._errors import GraycardError as GraycardError
 from graycard._errors import MethodError as MethodError
 from graycard._errors import NewerFormatError as NewerFormatError
+from graycard._errors import NewerRecordError as NewerRecordError
 from graycard._errors import OlderRecordError as OlderRecordError
 from graycard._errors import OutputError as OutputError
 from graycard._errors import PredictionError as PredictionError

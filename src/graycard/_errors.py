@@ -56,6 +56,10 @@ class RecordError(GraycardError):
     """A JSON record (settings, scores, run, baseline) is missing, damaged or misspelt."""
 
 
+class NewerRecordError(RecordError):
+    """A JSON record of a format that only a newer graycard reads."""
+
+
 class OlderRecordError(RecordError):
     """A JSON record of a format that only an older graycard wrote."""
 

@@ -14,6 +14,7 @@ from uuid import uuid4
 
 from graycard import DatasetError, OutputError, Progress, RecordError
 from graycard.io import (
+    await_file,
     file_lock,
     read_json,
     read_manifest,
@@ -37,6 +38,7 @@ from graycard.synth.dataset._store import (
     damage,
     discard,
     foreign_content,
+    is_made,
     leftovers,
     promote,
     reopen,
@@ -110,7 +112,8 @@ def clear_leftovers(dataset: Path) -> None:
     """
     for place in leftovers(Path(dataset)):
         with suppress(OSError, OutputError), file_lock(place.lock, lambda who: None):
-            discard(place.work)
+            if is_made(place):  # another process may have begun to mend it meanwhile
+                discard(place.work)
     remove_leftovers(Path(dataset))
 
 
@@ -168,6 +171,7 @@ def render_part(
     place = Place(Path(dataset), spec.track, scene_name(spec))
     if find_scene(spec, settings, dataset) is not None:
         return
+    await_file(place.stamp)
     stamp = stamped(place)
     variant = str((stamp or {}).get("variant", ""))
     if stamp is None or differences(stamp, {**identity(spec, settings), "variant": variant}, spec, settings):

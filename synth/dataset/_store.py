@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Store: where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
+"""Keep half-made scenes apart from whole ones, so that no half-made one is ever read.
 
 Pictures are rendered into ``.<scene>.partial/truth/scene``, and a stamp beside it says for which spec.
 When all are there, the capture is derived from the truth, both are sealed, and the folder is moved
@@ -170,7 +170,12 @@ def leftovers(dataset: Path) -> list[Place]:
     places = [
         Place(dataset, f.parent.name, f.name.removeprefix(".").removesuffix(".partial")) for f in folders
     ]
-    return [p for p in places if all((p.final / part / "manifest.json").is_file() for part in _PARTS)]
+    return [place for place in places if is_made(place)]
+
+
+def is_made(place: Place) -> bool:
+    """Tell whether a scene lies at its final place, whole or damaged."""
+    return all((place.final / part / "manifest.json").is_file() for part in _PARTS)
 
 
 def foreign_content(place: Place) -> list[str]:

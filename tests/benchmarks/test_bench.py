@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from graycard.benchmarks import check_result
+from graycard.benchmarks import _runner, check_result
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
@@ -177,6 +177,40 @@ def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, s
     assert [m.name for m in record.methods] == ["truth", "gray", "input"], "the suite's order"
     assert [r.job.method for r in record.results] == ["truth", "gray", "input", "input"]
     assert (run / "report" / "index.html").is_file()
+
+
+@pytest.mark.usefixtures("here")
+def test_two_parts_of_a_suite_at_once_lose_nothing(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+):
+    """One ends while the other, which began in an empty folder, is at work."""
+    run = tmp_path / "run"
+    command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    command += ["--methods", "gray", "--tracks"]
+    measure, other = _runner.measure, ["dark"]
+
+    def measured(bench: _runner.Bench) -> _runner.Measured:
+        found = measure(bench)
+        while other:
+            assert main([*command, other.pop()]) == 0
+        return found
+
+    monkeypatch.setattr(_runner, "measure", measured)
+    assert main([*command, "tabletop"]) == 0
+    assert set(sheets(run)) == {("dark", "gray"), ("tabletop", "gray")}
+    assert [scene.track for scene in read_run(run).scenes] == ["dark", "tabletop"], "the suite's order"
+
+
+def test_a_record_of_a_newer_graycard_is_left_alone(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    run = tmp_path / "run"
+    run.mkdir()
+    newer = json.dumps(read_json(tiny_run / "run.json") | {"format_version": 99})
+    (run / "run.json").write_text(newer)
+    assert main(["bench", str(suite_of()), "--out", str(run)]) == 2
+    assert "got version 99. Install a newer graycard" in capsys.readouterr().err
+    assert (run / "run.json").read_text() == newer
 
 
 @pytest.mark.usefixtures("here")

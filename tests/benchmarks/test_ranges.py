@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Seeds that suites set aside: scenes in reserve, and scenes under seal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,15 @@ def test_a_range_that_cannot_be_kept(tmp_path: Path, old: str, new: str, words: 
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(GraycardError, match=words):
         load_suite(str(path))
+
+
+def test_a_suite_of_a_known_name_opens_no_seal() -> None:
+    known = load_suite("claims-dark")
+    assert known.sealed is not None
+    copied = replace(known, sealed=replace(known.sealed, seeds=(990, 999)))
+    assert sealed_in(opened(known).scenes[0], copied) == "claims-dark"
+    assert sealed_in(opened(copied).scenes[0], copied) == "claims-dark"
+    assert not sealed_in(opened(copied).scenes[0], known)
 
 
 @pytest.mark.parametrize("name", WITH_RANGES)

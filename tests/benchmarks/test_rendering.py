@@ -26,8 +26,8 @@ class Workers:
         self.count, self.pictures, self.fails = count, pictures, fails
         self.given: list[tuple[Callable[..., Outcome], list[Any]]] = []
 
-    def threads_of_workers(self) -> dict[str, int]:
-        return {"one": self.count - 1, "other": 1}
+    def jobs_at_a_time(self) -> int:
+        return self.count
 
     def run_all(self, work: Callable[..., Outcome], jobs: Sequence[Any], *_: object) -> list[Outcome]:
         self.given.append((work, list(jobs)))

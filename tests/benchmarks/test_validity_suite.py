@@ -28,6 +28,12 @@ def without_seed(data: Any) -> None:
         result["job"]["seed"] = 5
 
 
+def with_a_seed_more(data: Any) -> None:
+    """A second fit of each row, of which the better one might be told."""
+    more = [{**result, "job": {**result["job"], "seed": 5}} for result in data["results"]]
+    data["results"] += more
+
+
 def foreign_scene(data: Any) -> None:
     data["scenes"].append(data["scenes"][0] | {"scene": "corridor-1002"})
 
@@ -36,6 +42,7 @@ SUITES: dict[str, tuple[Callable[[Any], object], str]] = {
     "no hard scene": (without_scene, "dark/corridor-1001: expected this scene, as tiny has it, got none"),
     "a scene more": (foreign_scene, "dark/corridor-1002: expected scenes of tiny, got one that it has not"),
     "another seed": (without_seed, "run.json: expected fits with seed 0, as tiny has them, got none"),
+    "a seed more": (with_a_seed_more, "run.json: expected fits with the seeds of tiny, got some with seed 5"),
     "another entry": (
         lambda data: data["results"][1]["job"].update(entry="mine:Gray"),
         "gray, seed 0: expected the method as the suite has it, got another entry",

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from graycard.benchmarks import run_all
-from graycard.io import silent
-from graycard.processes import Limits, Outcome, _pool, worker_progress
-from graycard.processes._family import MARK, end_family, end_orphans, marked
+from graycard.io import process_space, silent
+from graycard.processes import Limits, Outcome, _family, _pool, worker_progress
+from graycard.processes._family import MARK, end_family, end_orphans, marked, temporary_folder
 from graycard.processes._interrupts import uninterrupted
 from worker_jobs import (
     die_at_one,
@@ -210,7 +210,11 @@ def test_workers_end_with_a_bench_that_is_killed(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
-def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
+def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder for temporary files may be shared by machines whose namespaces have one number."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with marked() as own:
         space, bench, start, number = own.split("-")
     marks = {
@@ -219,6 +223,12 @@ def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
         "of a container": f"{space}0-{bench}-never-{number}",
         "": "",
     }
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(_family, "process_space", lambda: ("another boot", process_space()[1]))
+        with marked() as other:
+            _, bench, _, number = other.split("-")
+            marks["of another machine"] = f"{other.split('-')[0]}-{bench}-never-{number}"
+    folders = {name: temporary_folder(mark) for name, mark in marks.items() if mark}
     started = {
         name: subprocess.Popen(["sleep", "600"], env={**os.environ, MARK: mark})
         for name, mark in marks.items()
@@ -230,6 +240,7 @@ def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
         assert [name for name, process in started.items() if process.poll() is None] == [
             name for name in marks if name != "gone"
         ]
+        assert [name for name, folder in folders.items() if not folder.exists()] == ["gone"]
     finally:
         for process in started.values():
             process.kill()

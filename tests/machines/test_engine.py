@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
@@ -21,6 +21,9 @@ from graycard.machines import _engine as engine
 from graycard.machines._hand import Placed
 from graycard.processes import Limits, Outcome, StandingWorker
 from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 pytest.importorskip("distributed", reason="needs distributed (`pip install 'graycard[cluster]'`)")
 
@@ -107,6 +110,27 @@ def test_a_machine_with_other_code_does_nothing(machines: Machines, monkeypatch:
     monkeypatch.setattr(engine, "origin", lambda: {"graycard's code": "abc", "Python": "2.7.18"})
     with pytest.raises(MachineError, match=r"got graycard's code \w+ and not abc, Python 3\.\S+ and not 2"):
         machines.run_all(end, ["a"], 1, silent)
+
+
+class Few:
+    """A connection to a cluster whose batch jobs have not all begun."""
+
+    def __init__(self, workers: int | None) -> None:
+        self.workers = workers
+
+    def nthreads(self) -> dict[str, int]:
+        if self.workers is None:
+            raise OSError("the scheduler is gone")
+        return {f"tcp://node:{n}": 1 for n in range(self.workers)}
+
+
+@pytest.mark.parametrize(("present", "jobs"), [(None, 8), (0, 8), (1, 8), (9, 9)])
+def test_workers_that_are_still_to_come_count(present: int | None, jobs: int) -> None:
+    spec = ClusterSpec("slurm", workers=8, memory_gib=1.0)
+    found = Machines(spec, lambda: cast("Client", None), print, _client=cast("Client", Few(present)))
+    assert found.jobs_at_a_time() == jobs
+    alone = dataclasses.replace(found, spec=ClusterSpec(address="tcp://node:8786"))
+    assert alone.jobs_at_a_time() == max(1, present or 0), "nobody knows who else will join"
 
 
 def test_resources_that_no_worker_offers_are_told_of(

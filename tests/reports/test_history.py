@@ -20,7 +20,7 @@ from graycard.records import CLAIMS, HISTORY, Ledger, LedgerEntry, VerdictHistor
 from graycard.reports import HISTORY_PAGE, publish_run, verdict_changes
 from graycard.reports.history._changes import changes_of, open_changes
 from graycard.reports.history._entries import entry_of, rules_hash
-from graycard.reports.history._keep import OWN, continue_history, history_text
+from graycard.reports.history._keep import OWN, continue_history, history_text, read_kept
 from graycard.reports.history._page import render_history, suite_histories
 from graycard.reports.history._reasons import REASONS, load_reasons
 from published import SECOND
@@ -286,6 +286,13 @@ def test_reasons_that_the_ledgers_deny_are_refused(kept: Path, changed: dict[str
     add_reason(kept, **changed)
     with pytest.raises(RecordError, match=message):
         grown(kept, ledger_json("contradicted", run="ef"), "tuesday")
+
+
+def test_reasons_for_a_ledger_to_come_change_nothing_yet(kept: Path):
+    add_reason(kept)
+    assert verdict_changes(kept) == ()
+    history, reasons = read_kept(kept)
+    assert "Scenes were fitted again." not in render_history(history, reasons)
 
 
 def test_reasons_that_are_no_toml_are_refused(kept: Path):

@@ -2,13 +2,15 @@
 """A rendering that was killed at its very end leaves a folder that no other goes on from: it goes."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from graycard.io import write_json
 from graycard.synth import clear_leftovers
+from graycard.synth.dataset import _render
 from graycard.synth.dataset._store import Place, stamped
 
 
@@ -30,6 +32,25 @@ def test_what_is_left_of_whole_scenes_goes_and_what_is_half_made_stays(
         assert stamped(place) == {"seed": 1}, "the next rendering goes on from it"
     assert not list(tmp_path.rglob("*.lock"))
     clear_leftovers(tmp_path / "none")
+
+
+def test_a_scene_that_is_just_being_mended_stays(
+    tmp_path: Path, write_tiny: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process makes a damaged scene a partial one while its lock is waited for."""
+    write_tiny(tmp_path, track="dark", scene="corridor-0001")
+    place = Place(tmp_path, "dark", "corridor-0001")
+    write_json(place.stamp, {"seed": 1})
+
+    @contextmanager
+    def waited(path: Path, on_wait: object) -> Iterator[None]:
+        place.final.rename(place.partial)
+        yield
+
+    monkeypatch.setattr(_render, "file_lock", waited)
+    clear_leftovers(tmp_path)
+    assert stamped(place) == {"seed": 1}
+    assert (place.partial / "truth" / "manifest.json").is_file()
 
 
 def test_what_cannot_be_removed_stays(

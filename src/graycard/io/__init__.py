@@ -72,4 +72,5 @@ from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
 from graycard.io._strict import parse_json as parse_json
 from graycard.io._strict import parse_toml as parse_toml
+from graycard.io.sharing._marks import process_space as process_space
 from graycard.io.sharing._systems import await_file as await_file

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from graycard._errors import GraycardError, RecordError
+from graycard._errors import GraycardError, NewerRecordError, RecordError
 from graycard.io._decode import decode, stored_fields
 from graycard.io._explain import explain
 from graycard.io._files import decode_text, read_bytes, write_bytes
@@ -137,11 +137,11 @@ def write_json(path: Path, value: Any) -> None:
     write_bytes(Path(path), dumps(value).encode())
 
 
-def check_version(data: Any, newest: int, path: Path, error: type[GraycardError] = RecordError) -> None:
+def check_version(data: Any, newest: int, path: Path, error: type[GraycardError] = NewerRecordError) -> None:
     """Refuse a newer format before its unknown keys are called misspelt.
 
     Raises:
-        RecordError: (or ``error``) ``format_version`` is newer than ``newest``.
+        NewerRecordError: (or ``error``) ``format_version`` is newer than ``newest``.
     """
     version = data.get("format_version", newest) if isinstance(data, dict) else newest
     if isinstance(version, int) and version > newest:

@@ -49,6 +49,11 @@ class Machines:
         return self.spec.threads
 
     @property
+    def where(self) -> str:
+        """Return the address of the scheduler, or the cluster that was started for it, in words."""
+        return self.spec.address or f"the {self.spec.kind} cluster"
+
+    @property
     def dashboard(self) -> str:
         """Return the link of the dashboard; empty where there is none."""
         return str(self.client.dashboard_link or "")
@@ -68,10 +73,9 @@ class Machines:
         try:
             self._client = self.new_client()
         except (OSError, ValueError) as cause:
-            where = self.spec.address or f"the {self.spec.kind} cluster"
             raise MachineError(
-                f"expected a scheduler at {where}, got no answer. Start one with `dask scheduler`, or mend "
-                "--scheduler"
+                f"expected a scheduler at {self.where}, got no answer. Start one with `dask scheduler`, or "
+                "mend --scheduler"
             ) from cause
 
     def is_connected(self) -> bool:
@@ -81,6 +85,13 @@ class Machines:
     def threads_of_workers(self) -> dict[str, int]:
         """Return the threads of each worker, by its address."""
         return cast("dict[str, int]", self.client.nthreads())  # a coroutine for asynchronous clients alone
+
+    def jobs_at_a_time(self) -> int:
+        """Return how many jobs are done at a time, workers that a cluster has yet to start included."""
+        asked = 0 if self.spec.kind == "address" else self.spec.workers
+        with contextlib.suppress(OSError, TimeoutError):  # a scheduler that was just lost
+            return max(1, asked, sum(self.threads_of_workers().values()))
+        return max(1, asked)
 
     def ask(self, question: Callable[[], A]) -> list[A]:
         """Return what each worker answers that is there; none where the scheduler cannot be asked.
@@ -100,7 +111,7 @@ class Machines:
             MachineError: It does not come back.
         """
         until = time.monotonic() + self.patience_s
-        self.say(f"the scheduler at {self.spec.address} is gone; waiting for it to come back")
+        self.say(f"the scheduler at {self.where} is gone; waiting for it to come back")
         self.close()
         while True:
             try:
@@ -109,7 +120,7 @@ class Machines:
             except MachineError as cause:
                 if time.monotonic() > until:
                     raise MachineError(
-                        f"the scheduler at {self.spec.address} has not answered for {self.patience_s:.0f} s. "
+                        f"the scheduler at {self.where} has not answered for {self.patience_s:.0f} s. "
                         "Start it again; the same command then goes on"
                     ) from cause
                 time.sleep(1.0)
@@ -280,7 +291,7 @@ class _Course:
 
 def _awaited(machines: Machines) -> str:
     """Say what is waited for besides jobs; empty if nothing is."""
-    workers = machines.client.scheduler_info()["workers"].values()
+    workers = machines.client.scheduler_info(n_workers=-1)["workers"].values()
     if not workers:
         return "no worker is there yet; jobs begin with the first"
     asked = machines.spec.resources

@@ -66,7 +66,10 @@ def do_errand(errand: Errand, job: Any, origin: Mapping[str, str]) -> Outcome:
         The outcome; a fatal one where this machine cannot do jobs.
     """
     if other := differences(dict(origin)):
-        return _fatal(f"expected the code of the bench, got {', '.join(other)}. Install the same there")
+        got = ", ".join(other)
+        return _fatal(
+            f"expected the code of the bench, got {got}. Install the same there, and start its workers again"
+        )
     try:
         return _worker_for(errand).do(job)
     except GraycardError as error:

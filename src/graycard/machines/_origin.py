@@ -16,7 +16,10 @@ _READ = (".py", ".toml", ".safetensors")
 
 @cache
 def origin() -> dict[str, str]:
-    """Return what numbers depend on here: the code of graycard, and versions of packages, by name."""
+    """Return what numbers depend on here: the code of graycard, and versions of packages, by name.
+
+    As the process found them first: code that changes later is not what it runs.
+    """
     return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
 
 

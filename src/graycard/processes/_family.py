@@ -19,8 +19,10 @@ from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 
+from graycard.io import process_space
+
 MARK = "GRAYCARD_WORKER"
-"""Environment variable: namespace, id and start of the bench's process, and a number."""
+"""Environment variable: machine and namespace, id and start of the bench's process, and a number."""
 _TEMPORARY = "graycard-worker-"
 """Begin of the names of folders for temporary files; the mark follows."""
 _PDEATHSIG, _SUBREAPER = 1, 36
@@ -65,7 +67,7 @@ def end_adopted() -> None:
 def marked() -> Iterator[str]:
     """Mark the processes that are started within the block; yields the mark."""
     before = os.environ.get(MARK)
-    os.environ[MARK] = mark = f"{_namespace()}-{os.getpid()}-{_started(os.getpid())}-{next(_NUMBERS)}"
+    os.environ[MARK] = mark = f"{_space()}-{os.getpid()}-{_started(os.getpid())}-{next(_NUMBERS)}"
     try:
         yield mark
     finally:
@@ -119,17 +121,18 @@ def temporary_folder(mark: str) -> Path:
 def _is_orphan(mark: str) -> bool:
     """Tell whether the bench that made a mark is gone."""
     parts = mark.split("-")
-    if len(parts) < 4 or parts[0] != _namespace() or not parts[1].isdecimal():
+    if len(parts) < 4 or parts[0] != _space() or not parts[1].isdecimal():
         return False
     return _started(int(parts[1])) != parts[2]
 
 
-def _namespace() -> str:
-    """Return the namespace of process ids: a container numbers its own; empty where nobody knows."""
-    try:
-        return "".join(filter(str.isdigit, os.readlink("/proc/self/ns/pid")))
-    except OSError:
-        return ""
+def _space() -> str:
+    """Return the machine's start and the namespace that process ids belong to, without hyphens.
+
+    Folders for temporary files may be shared by machines, and a container numbers its own processes. Empty
+    where nobody knows.
+    """
+    return "".join(filter(str.isalnum, "".join(process_space())))
 
 
 def _kill(processes: list[int]) -> int:

@@ -34,7 +34,7 @@ class PlanCommand:
     """Rows on each scene."""
     cores: Annotated[int, optional("N")] = 64
     """Cores that work at the same time."""
-    efficiency: Annotated[float, optional("SHARE")] = 0.9
+    efficiency: Annotated[float, optional("SHARE")] = 0.84
     """Share of their time in which they work (docs/how-to/many-machines.md has what was measured)."""
     price: Annotated[float | None, optional("FLOAT")] = None
     """Price of one core hour; the price of the run is in the same currency."""

@@ -13,8 +13,6 @@ from graycard.records import MetricComparison, MetricRecord, RunRecord, read_com
 
 MOST_ROWS, MOST_METRICS = 8, 5
 """Rows and columns of a table: the first screen answers, `graycard compare` has all."""
-LEAST_SCENES = 6
-"""Number of scenes below which nothing is decided."""
 
 
 def show_standings(run: Path, record: RunRecord, terminal: Terminal) -> None:
@@ -26,17 +24,19 @@ def show_standings(run: Path, record: RunRecord, terminal: Terminal) -> None:
         comparison = read_comparison(run)
     except RecordError:
         return
-    tables = comparison.metrics if comparison is not None else ()
+    if comparison is None:
+        return
+    tables, least = comparison.metrics, comparison.least_scenes
     by_id = {metric.id: metric for metric in record.metrics if metric.headline}
     for track in dict.fromkeys(scene.track for scene in record.scenes):
         of_track = [t for t in tables if t.track == track and t.metric in by_id and _means(t)]
         if of_track:
             terminal.out.print(standings(track, of_track[:MOST_METRICS], by_id))
-    few = {track for track in (s.track for s in record.scenes) if _scenes(record, track) < LEAST_SCENES}
+    few = {track for track in (s.track for s in record.scenes) if _scenes(record, track) < least}
     if few and tables:
         where = ", ".join(sorted(few))
         terminal.out.print(
-            f"best first, * best of a column; {where}: fewer than {LEAST_SCENES} scenes decide nothing"
+            f"best first, * best of a column; {where}: fewer than {least} scenes decide nothing"
         )
 
 

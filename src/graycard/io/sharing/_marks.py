@@ -149,12 +149,22 @@ def _beat(path: Path, content: bytes, ended: threading.Event) -> None:
             os.utime(path)
 
 
-def _place(pid: int) -> str:
-    """Return boot, namespace of process ids, id and start of a process; empty without ``/proc``."""
+def process_space() -> tuple[str, str]:
+    """Return boot and namespace that ids of processes belong to; empty words without ``/proc``.
+
+    The namespace alone is not enough: Linux gives the first one of each machine the same number.
+    """
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-        space = os.readlink("/proc/self/ns/pid")
+        return boot, os.readlink("/proc/self/ns/pid")
     except OSError:
+        return "", ""
+
+
+def _place(pid: int) -> str:
+    """Return boot, namespace of process ids, id and start of a process; empty without ``/proc``."""
+    boot, space = process_space()
+    if not boot:
         return ""
     try:
         start = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()[19]
