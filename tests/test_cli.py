@@ -116,7 +116,8 @@ def test_speed_compares_the_truth_with_a_plain_picture(
     assert 0 < cost["separated_s"] < 600
 
 
-@pytest.mark.parametrize("rendered", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rendered", [False, True])
 def test_speed_measures_what_scoring_costs(
     rendered: bool,
     make_scene: Callable[..., Path],

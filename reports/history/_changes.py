@@ -58,6 +58,7 @@ def possible_causes(
     found: dict[Cause, bool] = {
         "new run": before.started != after.started,
         "rows added": _has_more(before, after) and old.verdict == NOT_TESTED,
+        "noise measured": _is_judged_alike(before, after, claim) and old.stability != new.stability,
         "method changed": before.started != after.started,
         "checks changed": _file(before, claim) != _file(after, claim) or _asks(old) != _asks(new),
         "rules changed": reasons.edition(before.rules_sha256) != reasons.edition(after.rules_sha256),
@@ -127,6 +128,12 @@ def _check_reasons(history: VerdictHistory, reasons: Reasons) -> None:
 def _has_more(before: LedgerEntry, after: LedgerEntry) -> bool:
     """Tell whether two ledgers are of one run that went on in between."""
     return before.started == after.started and before.run_sha256 != after.run_sha256
+
+
+def _is_judged_alike(before: LedgerEntry, after: LedgerEntry, claim: str) -> bool:
+    """Tell whether a claim is asked the same of the same fits, by the same rules."""
+    kept = (before.started, before.run_sha256, before.rules_sha256, _asks(before.claims[claim]))
+    return kept == (after.started, after.run_sha256, after.rules_sha256, _asks(after.claims[claim]))
 
 
 def _asks(claim: ClaimEntry) -> frozenset[tuple[object, ...]]:

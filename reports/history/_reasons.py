@@ -11,8 +11,11 @@ from graycard.io import from_builtins, read_toml
 REASONS = "history.toml"
 """Beside ``history.json``."""
 
-Cause = Literal["new run", "rows added", "method changed", "checks changed", "rules changed"]
+Cause = Literal[
+    "new run", "rows added", "noise measured", "method changed", "checks changed", "rules changed"
+]
 """``new run``: scenes were fitted again. ``rows added``: the same run could not test the claim before.
+``noise measured``: how far other fits of the same scenes would differ was not known before, or less well.
 ``method changed``: by other code or settings of a method. ``checks changed``: the claim is held against other
 comparisons. ``rules changed``: the same numbers are judged in another way."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)

@@ -48,6 +48,7 @@ def random_effects(random: np.random.Generator, count: int) -> np.ndarray:
     return effects
 
 
+@pytest.mark.slow  # test_claims_rules.py has one for each kind of rule
 def test_no_scene_that_is_more_favourable_makes_a_verdict_less_so() -> None:
     """10,000 tables of one to four checks, of which some scenes are made better."""
     random, found_words = np.random.default_rng(30), set[str]()

@@ -100,6 +100,7 @@ def test_a_pair_has_the_same_numbers_among_others_as_alone():
         assert mine.interval == pytest.approx(same.interval, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_command_measures_each_verb(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["speed", "records", "--quick", "--json", str(tmp_path / "costs.json")]) == 0
     costs = {cost["verb"]: cost for cost in read_json(tmp_path / "costs.json")["result"]}

@@ -60,7 +60,9 @@ def test_a_tiny_picture_has_scores_or_reasons(
         assert "at least 11x11 pixels for SSIM" in sheet.score("relighting.ssim").reason
 
 
-@pytest.mark.parametrize("method", [pytest.param("gray", marks=pytest.mark.slow), "input", "retinex"])
+@pytest.mark.parametrize(
+    "method", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("gray", "input")), "retinex"]
+)
 def test_the_command_line_says_what_to_do(
     make_scene: Callable[..., Path],
     tmp_path: Path,

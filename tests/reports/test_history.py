@@ -235,6 +235,23 @@ def test_rows_that_were_added_are_the_cause_where_a_claim_could_not_be_tested(
     assert change.causes == ("rows added",)
 
 
+@pytest.mark.parametrize("is_written", [False, True])
+def test_noise_that_was_measured_is_the_cause_where_fits_and_checks_are_the_same(
+    is_written: bool, kept: Path
+):
+    if is_written:
+        add_reason(kept, **{"new run": "noise measured"})
+    (change,) = changes_of(grown(kept, ledger_json("undecided", stability=0.5)), load_reasons(kept))
+    assert change.causes == ("noise measured",)
+
+
+@pytest.mark.parametrize("again", [{"run": "ef"}, {"stability": None}])
+def test_noise_is_no_cause_where_fits_are_others_or_it_is_as_it_was(kept: Path, again: dict[str, Any]):
+    add_reason(kept, **{"new run": "noise measured"})
+    with pytest.raises(RecordError, match="got noise measured for 'M1'"):
+        grown(kept, ledger_json("undecided", **({"stability": 0.5} | again)))
+
+
 @pytest.mark.parametrize("started", ["monday", "tuesday"])
 def test_rows_are_not_added_to_what_was_tested_or_to_another_run(kept: Path, started: str):
     add_reason(kept, **{"new run": "rows added"})

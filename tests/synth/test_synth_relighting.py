@@ -324,7 +324,13 @@ def test_a_truth_of_before_has_no_edits(studio: Path, tmp_path: Path) -> None:
     assert open_truth(tmp_path / "truth").edits == ()
 
 
-@pytest.mark.parametrize("name", all_families())
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in ("corridor", "metal-table", "studio") else pytest.param(name, marks=pytest.mark.slow)
+        for name in all_families()
+    ],
+)
 def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: str) -> None:
     """Nothing is a sum there: all edits are rendered."""
     settings = RenderSettings(8, 8, 2, 1, 4, 2)

@@ -45,7 +45,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[s
     return render
 
 
-@pytest.fixture(params=SPECS)
+@pytest.fixture(params=["tabletop", pytest.param("dark", marks=pytest.mark.slow)])
 def truths(request: pytest.FixtureRequest, rendered: Callable[[str], dict[str, Truth]]) -> dict[str, Truth]:
     """Those of one track."""
     return rendered(request.param)

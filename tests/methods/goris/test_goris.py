@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``goris`` on captures: the whole way, what is painted where, and what it says of itself."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -61,13 +62,16 @@ def world() -> GlossyWorld:
     return glossy_world()
 
 
+SLOW = functools.partial(pytest.param, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
     "changes",
     [
         {},
-        {"composite": "paper", "filter": "release", "decay": "linear"},
+        SLOW({"composite": "paper", "filter": "release", "decay": "linear"}),
         {"transport": False},
-        {"material_inpainting": False, "effect_mask": False, "filter": "none"},
+        SLOW({"material_inpainting": False, "effect_mask": False, "filter": "none"}),
         {"distilled": True},
     ],
     ids=lambda changes: "-".join(changes) or "default",

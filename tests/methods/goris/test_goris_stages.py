@@ -23,7 +23,10 @@ def world() -> GlossyWorld:
     return glossy_world()
 
 
-@pytest.mark.parametrize("stage", ["", ".light", ".removal", ".distilled"])
+@pytest.mark.parametrize(
+    "stage",
+    ["", ".removal", *(pytest.param(name, marks=pytest.mark.slow) for name in (".light", ".distilled"))],
+)
 def test_a_fit_that_was_cut_off_goes_on(scene: Path, tmp_path: Path, stage: str):
     """In any of its stages, and ends with the same bits; what was done is not done again."""
 

@@ -46,7 +46,8 @@ def test_lamps_explain_more_than_surroundings_alone(world: World):
     assert found[8] >= found[0] - SLACK
 
 
-@pytest.mark.parametrize("visibility", ["vector", pytest.param("traced", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("visibility", ["vector", "traced"])
 def test_more_lamps_explain_more(world: World, visibility: Visibility):
     """Rows ``gsid-lamps-16`` and ``gsid-lamps-1``: with vectors, as by default, and with rays."""
     shadowed = replace(LADDER, visibility=visibility)

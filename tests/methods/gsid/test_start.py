@@ -66,7 +66,9 @@ def test_strengths_are_those_of_what_vectors_tell(world: World):
     assert (traced - true).abs().max() > 0.1
 
 
-@pytest.mark.parametrize("visibility", ["vector", pytest.param("traced", marks=pytest.mark.slow), "none"])
+@pytest.mark.parametrize(
+    "visibility", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("vector", "traced")), "none"]
+)
 def test_more_lamps_begin_no_worse(world: World, visibility: Visibility):
     """The start of rows ``gsid-env-ao``, ``gsid-lamps-1`` and ``gsid-lamps-8``."""
     losses = []
