@@ -248,8 +248,9 @@ def test_noise_that_was_measured_is_the_cause_where_fits_and_checks_are_the_same
 @pytest.mark.parametrize("again", [{"run": "ef"}, {"stability": None}])
 def test_noise_is_no_cause_where_fits_are_others_or_it_is_as_it_was(kept: Path, again: dict[str, Any]):
     add_reason(kept, **{"new run": "noise measured"})
+    told: dict[str, Any] = {"stability": 0.5, **again}
     with pytest.raises(RecordError, match="got noise measured for 'M1'"):
-        grown(kept, ledger_json("undecided", **({"stability": 0.5} | again)))
+        grown(kept, ledger_json("undecided", **told))
 
 
 @pytest.mark.parametrize("started", ["monday", "tuesday"])
