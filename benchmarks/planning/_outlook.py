@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work out what a large run would take, from the costs that a small one measured."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
@@ -93,11 +94,13 @@ def outlook(
     Raises:
         ValueError: A number is not above 0, or the efficiency above 1.
     """
-    if min(scenes, methods, cores) < 1 or not 0 < efficiency <= 1 or (price is not None and price < 0):
-        raise ValueError(
-            "expected scenes, methods and cores from 1, an efficiency above 0 and up to 1, a price from 0, "
-            f"got {scenes}, {methods}, {cores}, {efficiency} and {price}"
-        )
+    for name, count in (("scenes", scenes), ("methods", methods), ("cores", cores)):
+        if count < 1:
+            raise ValueError(f"expected 1 or more {name}, got {count}. Mend --{name}")
+    if not 0 < efficiency <= 1:
+        raise ValueError(f"expected a share, as 0.84, got {efficiency:g}. Mend --efficiency")
+    if price is not None and not 0 <= price < math.inf:
+        raise ValueError(f"expected a price from 0, got {price:g}. Mend --price")
     jobs = scenes * methods
     rendering, fits, scoring = (
         count * seconds / 3600
@@ -131,7 +134,8 @@ def _measured(track: str, record: RunRecord, run: Path) -> Measured:
         if not found:
             raise GraycardError(
                 f"expected {run} to have measured a {what} of track {track}, got none. Costs are kept of "
-                "what this version made in one go. Run `graycard bench` into an empty folder"
+                "what this version made in one go, and of no scene that several workers rendered in parts. "
+                "Run `graycard bench` into an empty folder, without --scheduler"
             )
     return Measured(
         track,

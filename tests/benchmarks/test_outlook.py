@@ -35,11 +35,20 @@ def test_hours_disk_and_price_of_a_large_run():
 
 
 @pytest.mark.parametrize(
-    "numbers", [(0, 1, 1, 1.0, None), (1, 0, 1, 1.0, None), (1, 1, 0, 1.0, None), (1, 1, 1, 0.0, None),
-                (1, 1, 1, 1.1, None), (1, 1, 1, float("nan"), None), (1, 1, 1, 1.0, -1.0)]
-)  # fmt: skip
-def test_numbers_out_of_range_are_refused(numbers: tuple[int, int, int, float, float | None]):
-    with pytest.raises(ValueError, match="expected scenes, methods and cores from 1"):
+    ("numbers", "mend"),
+    [
+        ((0, 1, 1, 1.0, None), "1 or more scenes, got 0. Mend --scenes"),
+        ((1, 0, 1, 1.0, None), "1 or more methods, got 0. Mend --methods"),
+        ((1, 1, 0, 1.0, None), "1 or more cores, got 0. Mend --cores"),
+        ((1, 1, 1, 0.0, None), "a share, as 0.84, got 0. Mend --efficiency"),
+        ((1, 1, 1, 84.0, None), "a share, as 0.84, got 84. Mend --efficiency"),
+        ((1, 1, 1, float("nan"), None), "a share, as 0.84, got nan. Mend --efficiency"),
+        ((1, 1, 1, 1.0, -1.0), "a price from 0, got -1. Mend --price"),
+        ((1, 1, 1, 1.0, float("inf")), "a price from 0, got inf. Mend --price"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(numbers: tuple[int, int, int, float, float | None], mend: str):
+    with pytest.raises(ValueError, match=f"expected {mend}"):
         outlook(COST, *numbers)
 
 
@@ -117,7 +126,7 @@ def test_the_verb_shows_the_plan(run: Path, tmp_path: Path, capsys: pytest.Captu
     assert plan["price"] == pytest.approx(plan["hours"] * 10 * 0.1)
     assert f"1000 scenes x 50 methods on 1 tracks: {plan['hours']:,.0f} h on 10 cores" in shown
     assert main(["plan", str(run), "--cores", "0"]) == 2
-    assert "Mend the options" in capsys.readouterr().err
+    assert "Mend --cores" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")

@@ -69,13 +69,18 @@ def test_parts_do_what_the_whole_does_and_a_last_call_reuses_it(
     assert [(r.job, r.sheet) for r in found.results] == [(r.job, r.sheet) for r in wanted.results]
 
 
-def test_more_parts_than_jobs_leave_some_without(asked: list[str], tmp_path: Path) -> None:
+def test_more_parts_than_jobs_leave_some_without(
+    asked: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     suite = str(write_reserve_suite(tmp_path))
     counts = []
     for number in (1, 2, 3):
         assert main(["bench", suite, "--out", str(tmp_path / "run"), "--only", f"{number}/13"]) == 0
         counts.append(len(jobs_of(tmp_path / "run")))
     assert counts == [0, 1, 2]
+    said = capsys.readouterr().err
+    assert said.count("is empty: the run has fewer jobs than parts") == 1
+    assert "part 1/13 is empty" in said
 
 
 def test_a_part_goes_not_with_scenes_that_are_added(

@@ -11,7 +11,7 @@ import pytest
 
 from graycard import GraycardError
 from graycard.cli import main
-from graycard.machines import ClusterSpec, MachineError, read_scheduler
+from graycard.machines import ClusterSpec, MachineError, connected, read_scheduler
 from graycard.machines._clusters import batch_options, check_installed, cluster_class
 
 Written = Callable[[str], ClusterSpec]
@@ -128,6 +128,20 @@ def test_the_batch_script_asks_for_cores_and_memory(written: Written, kind: str)
     assert all(words in script for words in asked[kind]), script
     assert "--nthreads 1" in script
     assert f'--resources "MEMORY={3 * 2**30}"' in script
+
+
+@pytest.mark.skipif(importlib.util.find_spec("dask_jobqueue") is None, reason="needs dask-jobqueue")
+@pytest.mark.parametrize(("kind", "command"), [("slurm", "sbatch"), ("pbs", "qsub"), ("lsf", "bsub")])
+def test_a_machine_that_submits_no_jobs_says_so_at_once(
+    written: Written, kind: str, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    spec = written(f'kind = "{kind}"\nmemory_gib = 3')
+    with (
+        pytest.raises(MachineError, match=f"expected the command {command}.*got none"),
+        connected(spec, print),
+    ):
+        pass
 
 
 TOLD = """

@@ -94,15 +94,17 @@ class CheckResultCommand:
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         with terminal.progress(f"checking {self.run_folder}") as progress:
             found = check_result(self.run_folder, progress, rescore=self.rescore, salt=salt)
+        is_record = is_published(self.run_folder)
+        shown = [breach for breach in found.breaches if not (is_record and breach.unknown)]
         lacking = Counter[str]()
-        for breach in found.breaches:
+        for breach in shown:
             lacking[breach.rule] += breach.unknown
             if not breach.unknown or lacking[breach.rule] <= SHOWN:
                 terminal.out.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
         for rule, number in lacking.items():
             if number > SHOWN:
                 terminal.out.print(f"unknown: {rule}: {number - SHOWN} more; --json lists them")
-        for rule in dict.fromkeys(breach.rule for breach in found.breaches):
+        for rule in dict.fromkeys(breach.rule for breach in shown):
             terminal.err.print(f"rule {rule}: {RULES[rule]}")
         write_optional_json(self.json, {"exit_code": found.exit_code, "validity": found})
         broken = sum(not breach.unknown for breach in found.breaches)
@@ -117,6 +119,13 @@ class CheckResultCommand:
             )
         for row in found.submitted:
             terminal.out.print(f"note: row {row!r} is submitted: nobody watched the code that made it")
+        if is_record and found.exit_code != 1:
+            unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
+            says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
+            terminal.out.print(
+                "published: scenes and predictions are not kept. `graycard publish` takes valid runs alone, "
+                "so all rules held when they were there"
+            )
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
             f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "

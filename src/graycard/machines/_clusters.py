@@ -2,6 +2,7 @@
 """Connect to a scheduler that runs, or start one: on this machine, or with workers as batch jobs."""
 
 import logging
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -97,8 +98,18 @@ def _local(spec: ClusterSpec) -> Any:
 
 
 def _batch(spec: ClusterSpec) -> Any:
-    """Return workers that are submitted as batch jobs, and again when one ends before its time."""
-    cluster = cluster_class(spec)(**batch_options(spec))
+    """Return workers that are submitted as batch jobs, and again when one ends before its time.
+
+    Raises:
+        MachineError: This machine submits no such jobs.
+    """
+    batch = cluster_class(spec)
+    if shutil.which(command := batch.job_cls.submit_command.split()[0]) is None:
+        raise MachineError(
+            f"expected the command {command}, which submits batch jobs of kind {spec.kind!r}, got none on "
+            "this machine. Run this where jobs are submitted, or mend kind"
+        )
+    cluster = batch(**batch_options(spec))
     cluster.adapt(minimum_jobs=spec.workers, maximum_jobs=spec.workers)
     return cluster
 

@@ -268,6 +268,8 @@ class BenchCommand:
         limits, terms = limits_of(self.timeout, self.memory), self._terms(course.machines)
         told = chosen.suite, chosen.run, course.jobs, course.progress, part, self.dataset
         results = run_part(*told, limits=limits, terms=terms)
+        if not results:
+            course.terminal.advise(f"part {part} is empty: the run has fewer jobs than parts")
         lines = failed_lines(results)
         for line in lines:
             course.terminal.err.print(f"failed: {line}")

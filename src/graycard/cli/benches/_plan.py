@@ -61,7 +61,7 @@ class PlanCommand:
                 for cost in measured_costs(record, self.run_folder)
             ]
         except ValueError as error:
-            raise GraycardError(f"{error}. Mend the options") from error
+            raise GraycardError(str(error)) from error
         terminal.out.print(_means(found))
         terminal.out.print()
         terminal.out.print(_plan(found))
