@@ -196,5 +196,5 @@ def test_verbs_that_read_records_leave_a_published_folder_as_it_is(
     assert "broken:" not in found
     assert "unknown:" not in found
     assert "published: scenes and predictions are not kept." in found
-    assert "check-result: the records break no rule; hashes, gauge" in found.splitlines()[-1]
+    assert "check-result: the records break no rule; comparison, hashes, gauge" in found.splitlines()[-1]
     assert {path: path.read_bytes() for path in (tmp_path / "matte").iterdir()} == before
