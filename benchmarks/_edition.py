@@ -30,7 +30,7 @@ def sealed_in(spec: SceneSpec, also: Suite | None = None) -> str:
 
 @cache
 def _sealed_ranges() -> tuple[tuple[str, SceneRange], ...]:
-    """Return the suites that come with graycard and have sealed ranges, with those."""
+    """Return names and sealed ranges of the suites that come with graycard."""
     suites = map(load_suite, suite_names())
     return tuple((suite.name, suite.sealed) for suite in suites if suite.sealed is not None)
 

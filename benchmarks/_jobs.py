@@ -284,7 +284,7 @@ def _score_key(job: FitJob) -> tuple[str, ...]:
 
 
 def read_or_none(cls: type[R], path: Path) -> R | None:
-    """Return a record, or None where there is none that can be used: then the work is done again."""
+    """Return a record; None where there is none that can be used."""
     try:
         return from_builtins(cls, read_json(path))
     except GraycardError:

@@ -176,7 +176,7 @@ def record_before(
 def plain_record_before(
     run: Path, suite: Suite, budget: float = 1.0, size: Size = _AS_SUITE, edition: Edition | None = None
 ) -> RunRecord | None:
-    """Return what an earlier bench left in this folder, which adds no scenes until claims are decided.
+    """Return what an earlier bench left in this folder; refuse a run that adds scenes for its claims.
 
     Raises:
         RunError: As of :func:`record_before`, or it adds such scenes.

@@ -47,8 +47,9 @@ def render_scenes(
     Raises:
         RunError: A scene could not be rendered.
     """
-    if machines is not None:
-        _render_parts(jobs, run_all, machines.jobs_at_a_time(), narrowed(progress, 0.0, _IN_PARTS))
+    workers = 0 if machines is None else machines.jobs_at_a_time()
+    if workers and (absent := _to_cut(jobs, workers)):
+        _render_parts(absent, run_all, workers, narrowed(progress, 0.0, _IN_PARTS))
         progress = narrowed(progress, _IN_PARTS, 1.0)
     outcomes = run_all(run_render, jobs, 1, progress, find_rendered)
     for job, outcome in zip(jobs, outcomes, strict=True):
@@ -57,17 +58,23 @@ def render_scenes(
     return [outcome.value for outcome in outcomes]
 
 
+def _to_cut(jobs: list[RenderJob], workers: int) -> list[RenderJob]:
+    """Return the scenes that are not there, if it pays to render them in parts; else none.
+
+    It does not where there are as many scenes as workers, or twice as many and more: each part loads its
+    scene anew.
+    """
+    absent = [job for job in jobs if find_rendered(job) is None]
+    return [] if len(absent) == workers or len(absent) >= _SCENES_EACH * workers else absent
+
+
 def _render_parts(
-    jobs: list[RenderJob], run_all: Callable[..., list[Outcome]], workers: int, progress: Progress
+    absent: list[RenderJob], run_all: Callable[..., list[Outcome]], workers: int, progress: Progress
 ) -> None:
     """Render pictures of scenes that are not there, in parts; whoever renders the scenes then finds them.
 
-    Nothing is done where there are as many scenes as workers, or twice as many and more: each part loads its
-    scene anew. A part that fails is left to the rendering of its scene, which says why.
+    A part that fails is left to the rendering of its scene, which says why.
     """
-    absent = [job for job in jobs if find_rendered(job) is None]
-    if not absent or len(absent) == workers or len(absent) >= _SCENES_EACH * workers:
-        return
     begins = run_all(run_begin, absent, 1, named(narrowed(progress, 0.0, _BEGUN), "beginning"))
     begun = [(job, outcome.value or ()) for job, outcome in zip(absent, begins, strict=True)]
     size = part_size(sum(len(numbers) for _, numbers in begun), workers)

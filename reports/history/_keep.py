@@ -106,7 +106,8 @@ def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
         raise RecordError(
             f"expected a suite of {above / HISTORY} ({told}), got {suite}. Publish its run there"
         )
-    return tuple(change for change in changes_of(*read_kept(above)) if change.suite == suite)
+    reasons = _without_coming(load_reasons(above), history)
+    return tuple(change for change in changes_of(history, reasons) if change.suite == suite)
 
 
 def read_kept(folder: Path) -> tuple[VerdictHistory, Reasons]:

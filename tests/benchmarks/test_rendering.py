@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import pytest
 
+from graycard import Progress
 from graycard.benchmarks import RunError
 from graycard.benchmarks._jobs import PartJob, RenderJob, run_begin, run_part, run_render
 from graycard.benchmarks.planning import _rendering
@@ -29,8 +30,17 @@ class Workers:
     def jobs_at_a_time(self) -> int:
         return self.count
 
-    def run_all(self, work: Callable[..., Outcome], jobs: Sequence[Any], *_: object) -> list[Outcome]:
+    def run_all(
+        self,
+        work: Callable[..., Outcome],
+        jobs: Sequence[Any],
+        at_a_time: int,
+        progress: Progress,
+        *_: object,
+    ) -> list[Outcome]:
         self.given.append((work, list(jobs)))
+        progress(0.0, "0 of 1")
+        progress(1.0, "1 of 1")
         if self.fails:
             return [Outcome(reason="the disk is full") for _ in jobs]
         answers = {run_begin: tuple(range(self.pictures)), run_render: Path("scene")}
@@ -55,6 +65,31 @@ def test_one_scene_is_rendered_by_all_workers(tmp_path: Path):
     assert len(parts) == 8
     assert [number for part in parts for number in part.numbers] == list(range(68))
     assert {part.scene.spec.seed for part in parts} == {0}
+
+
+@pytest.mark.parametrize(
+    ("count", "told"),
+    [
+        (
+            1,
+            [
+                (0.0, "beginning: 0"),
+                (0.045, "beginning: 1"),
+                (0.045, "parts: 0"),
+                (0.9, "parts: 1"),
+                (0.9, "0"),
+                (1.0, "1"),
+            ],
+        ),
+        (4, [(0.0, "0"), (1.0, "1")]),
+    ],
+)
+def test_progress_grows_and_says_what_is_done(count: int, told: list[tuple[float, str]], tmp_path: Path):
+    heard: list[tuple[float, str]] = []
+    workers = Workers(4)
+    jobs, machines = scenes(count, tmp_path), cast(Machines, workers)
+    render_scenes(jobs, workers.run_all, machines, lambda done, what: heard.append((done, what)))
+    assert [(pytest.approx(done), f"{what} of 1") for done, what in told] == heard
 
 
 def test_parts_of_several_scenes_are_of_one_size(tmp_path: Path):

@@ -119,7 +119,7 @@ class CheckResultCommand:
             )
         for row in found.submitted:
             terminal.out.print(f"note: row {row!r} is submitted: nobody watched the code that made it")
-        if is_record and found.exit_code != 1:
+        if is_record and found.exit_code == 2:
             unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
             says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
             terminal.out.print(

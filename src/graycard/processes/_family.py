@@ -121,7 +121,7 @@ def temporary_folder(mark: str) -> Path:
 def _is_orphan(mark: str) -> bool:
     """Tell whether the bench that made a mark is gone."""
     parts = mark.split("-")
-    if len(parts) < 4 or parts[0] != _space() or not parts[1].isdecimal():
+    if len(parts) < 4 or not parts[0] or parts[0] != _space() or not parts[1].isdecimal():
         return False
     return _started(int(parts[1])) != parts[2]
 

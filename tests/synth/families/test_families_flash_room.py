@@ -21,7 +21,7 @@ DARK = {name: family for name, family in all_families().items() if issubclass(fa
 NAMES = tuple(DARK)
 NEW = tuple(name for name in NAMES if name != "corridor")
 SHELVES = pytest.param("shelf-room", marks=pytest.mark.slow)
-"""It takes seconds to build: where time is short, the knobs that all rooms have are tried on others."""
+"""Takes seconds to build. Where time is short, knobs that all rooms have are tried on the others."""
 SEEDS = (1000, 1001, pytest.param(1002, marks=pytest.mark.slow))
 
 pytestmark = pytest.mark.xdist_group("dark rooms")  # a worker that has built a room keeps it
