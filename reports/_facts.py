@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from graycard.records import JobResult, RunRecord, knob_text
+from graycard.records import Edition, JobResult, RunRecord, knob_text
 from graycard.reports._format import format_date, format_seconds
 
 
@@ -48,6 +48,7 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     own = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
         *([("other than in the suite", record.departs)] if record.departs else []),
+        *([("sealed scenes", edition_words(record.edition))] if record.edition else []),
         ("started", format_date(record.started)),
         ("wall time", format_seconds(record.wall_s)),
         ("jobs", _count_jobs(record.results)),
@@ -58,6 +59,12 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     return tuple(
         groups + [FactGroup(k.replace("_", " ").capitalize(), flatten(v)) for k, v in nested.items()]
     )
+
+
+def edition_words(edition: Edition) -> str:
+    """Say which code and claims were fixed before sealed scenes were rendered."""
+    commit = f", commit {edition.commit[:12]}" if edition.commit else ""
+    return f"rendered after code and claims were fixed by {edition.tag}{commit}"
 
 
 def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:

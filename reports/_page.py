@@ -116,6 +116,7 @@ def build_page(
         count(len(record.methods), "row"),
         count(len(record.results), "job"),
         *([f"at {record.departs}"] if record.departs else []),
+        *([f"sealed scenes of {record.edition.tag}"] if record.edition else []),
     )
     return Page(
         suite=record.suite,

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from graycard import Sensor
 from graycard.dataset import SECRET_SEEDS
-from graycard.io import IN_MEMORY, Name
+from graycard.io import IN_MEMORY, MOST_PIXELS, Name
 
 GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
@@ -96,6 +96,9 @@ class RenderSettings:
         ):
             if getattr(self, name) < low:
                 raise ValueError(f"expected {name} to be {low} or more, got {getattr(self, name)}")
+        if self.width * self.height > MOST_PIXELS:
+            size = f"{self.width}x{self.height}"
+            raise ValueError(f"expected pictures of {MOST_PIXELS} pixels at most, got {size}")
         _check_samples("samples", self.samples)
         if self.training_samples:
             _check_samples("training_samples", self.training_samples)

@@ -13,7 +13,7 @@ from graycard.records import CheckResult, ClaimVerdict, MetricRecord, RowMean
 
 _TELLS: dict[ClaimVerdict, str] = {
     "reproduced": "as claimed",
-    "larger than claimed": "as claimed, and more than that",
+    "larger than claimed": "more than claimed",
     "smaller than claimed": "less than claimed",
     "no effect": "too small to count",
     "contradicted": "the opposite of the claim",
@@ -201,7 +201,7 @@ def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResul
     if verdict == "not testable here" and len(reasons) > 1:
         return f"{reasons[0]} (and {len(reasons) - 1} more reasons)"
     words = "; ".join(reason.removeprefix(f"{_TELLS[verdict]}: ") for reason in reasons)
-    return f"{len(telling)} of {len(deciding)} checks, {_TELLS[verdict]}: {words}"
+    return f"{_TELLS[verdict]} in {len(telling)} of {len(deciding)} checks: {words}"
 
 
 def span_words(span: tuple[float, float], unit: str) -> str:

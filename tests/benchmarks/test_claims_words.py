@@ -145,7 +145,7 @@ def test_the_checks_that_decided_are_told() -> None:
     found = judged(run, GOOD, replace(GONE, id="b"), replace(GONE, id="c", rows=("mine", "nowhere")))
     assert found.text == ("cannot be tested here: the run has no row nobody (and 1 more reasons)")
     assert judged(run, GOOD, replace(BAD, id="b")).text.startswith(
-        "1 of 2 checks, the opposite of the claim: PSNR, theirs − mine = -5 dB ("
+        "the opposite of the claim in 1 of 2 checks: PSNR, theirs − mine = -5 dB ("
     )
 
 

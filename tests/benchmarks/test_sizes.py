@@ -71,6 +71,13 @@ def test_a_wide_picture_may_get_too_low() -> None:
         at_size(wide, Size(width=8))
 
 
+def test_pictures_beyond_all_measure_are_refused_before_anything_is_rendered() -> None:
+    suite = load_suite("claims-dark")
+    assert at_size(suite, Size(width=8192)).render.height == 8192
+    with pytest.raises(RecordError, match=r"expected pictures of 67108864 pixels at most, got 8193x8193"):
+        at_size(suite, Size(width=8193))
+
+
 @pytest.mark.parametrize("suite", ["sizes-{}", "claims-{}-hd", "paper-{}"])
 @pytest.mark.parametrize("track", TRACKS)
 def test_rows_of_a_name_are_the_same_method_at_each_size(suite: str, track: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 from graycard import OutputError, Predictions, RecordError, open_predictions
 from graycard.io import to_builtins, write_json
 from graycard.predictions import finish_predictions, write_view
-from graycard.records import RunRecord, Score
+from graycard.records import Edition, RunRecord, Score
 from graycard.reports import write_report
 from graycard.reports._templates import TEMPLATES
 from graycard.reports.parts._islands import without_bytes
@@ -326,3 +326,13 @@ def test_a_mean_that_lacks_a_scene_says_so_wherever_it_stands(tmp_path: Path) ->
     worst = outline.all("a", **{"class": "worst-cell"})
     assert worst
     assert {str(a["href"])[1:] for a in worst} <= {a.get("id") for _, a in outline.found}
+
+
+def test_a_run_of_sealed_scenes_names_the_tag_at_the_top_and_in_its_facts(tmp_path: Path) -> None:
+    record = write_made_up(tmp_path, 2, 1, metrics=2)
+    assert "sealed scenes" not in report_of(tmp_path).words
+    edition = Edition("edition-7", "0123456789abcdef" * 2 + "01234567")
+    write_json(tmp_path / "run.json", replace(record, edition=edition))
+    words = report_of(tmp_path).words
+    assert "1 scene, 2 rows, 2 jobs, sealed scenes of edition-7 ·" in words
+    assert "rendered after code and claims were fixed by edition-7, commit 0123456789ab" in words

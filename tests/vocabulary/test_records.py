@@ -103,6 +103,14 @@ def test_a_run_folder_without_a_run(tmp_path: Path):
         read_run(tmp_path)
 
 
+def test_a_folder_of_runs_names_them(tmp_path: Path):
+    for name in ("second", "first"):
+        write_json(tmp_path / name / "run.json", {})
+    (tmp_path / "third").mkdir()
+    with pytest.raises(RecordError, match="got a folder of 2 runs. Name one of them: first, second$"):
+        read_run(tmp_path)
+
+
 def test_types_are_checked():
     with pytest.raises(RecordError, match="expected a Cost"):
         from_builtins(Cost, {"wall_s": True, "peak_memory_mib": 1.0})

@@ -12,6 +12,7 @@ from graycard.io._exr import read_rgb as read_rgb
 from graycard.io._exr import unknown_channels as unknown_channels
 from graycard.io._exr import write_layers as write_layers
 from graycard.io._exr import write_rgb as write_rgb
+from graycard.io._exr_file import MOST_PIXELS as MOST_PIXELS
 from graycard.io._exr_file import ExrPart as ExrPart
 from graycard.io._exr_file import read_exr as read_exr
 from graycard.io._exr_file import read_exr_headers as read_exr_headers

@@ -16,7 +16,7 @@ import OpenEXR
 from graycard._errors import GraycardError
 
 MOST_PIXELS = 2**26
-"""Pixels of a display window that is not the data window: a header may ask for any number of them."""
+"""Pixels of a picture that is rendered, or of a display window that is not the data window, at most."""
 EXR_DAMAGE = (RuntimeError, ValueError, MemoryError)
 """Errors that OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
 _stdout = threading.Lock()

@@ -347,10 +347,15 @@ def read_run(run: Path) -> RunRecord:
     """
     path = Path(run) / RUN_FILE
     if not path.is_file():
-        raise RecordError(
-            f"expected a run folder with run.json at {run}, got none. Make one with `graycard bench`"
-        )
+        got = _runs_below(path.parent) or "none. Make one with `graycard bench`"
+        raise RecordError(f"expected a run folder with run.json at {run}, got {got}")
     return read_record(RunRecord, path, "graycard-run")
+
+
+def _runs_below(folder: Path) -> str:
+    """Return words on a folder of run folders; empty if it holds none."""
+    names = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
+    return f"a folder of {len(names)} runs. Name one of them: {', '.join(names[:9])}" if names else ""
 
 
 @contextmanager
