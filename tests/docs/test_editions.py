@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs_of_editions import claims_in, decided_words, edition_block, is_decided
+from docs_of_editions import claims_in, decided_words, edition_block, is_decided, newest_claims
 from docs_of_reference import DOCS
 from graycard.io import sha256
 from graycard.records import read_ledger, read_run
@@ -28,14 +28,23 @@ def parts_of(text: str, name: str) -> tuple[str, str, str]:
     return before + begin, tables, end + after
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
-def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
-    text = PAGE.read_text(encoding="utf-8")
-    before, told, after = parts_of(text, folder.name)
-    wanted = edition_block(folder)
+def told_and_wanted(name: str, wanted: str) -> tuple[str, str]:
+    """Return a part of the page and what it has to say; written first where docs are written."""
+    before, told, after = parts_of(PAGE.read_text(encoding="utf-8"), name)
     if os.environ.get("GRAYCARD_WRITE_DOCS"):
         PAGE.write_text(before + wanted + after, encoding="utf-8")
         told = wanted
+    return told, wanted
+
+
+def test_the_page_begins_with_how_many_claims_are_decided():
+    told, wanted = told_and_wanted("whole", f"{decided_words(newest_claims(FOLDERS), 'these runs')}\n")
+    assert told == wanted, "run `make docs`"
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
+    told, wanted = told_and_wanted(folder.name, edition_block(folder))
     assert told == wanted, "run `make docs`"
 
 
@@ -61,4 +70,15 @@ def test_a_claim_is_decided_where_nine_refits_in_ten_agree():
     assert decided_words(three) == (
         "1 of 2 claims and questions that this run can test are decided (50 %): 1 holds. "
         "1 more cannot be tested on it."
+    )
+
+
+def test_a_claim_has_the_verdict_of_the_newest_run_that_can_test_it():
+    found = newest_claims(OWN / name for name in ("multilight", "tabletop", "second/tabletop-sealed"))
+    assert found["R1"].verdict == "reproduced"
+    assert found["R4"] == claims_in(OWN / "tabletop")["R4"]  # the sealed run has no row for it
+    assert found["R2"].verdict == "not testable here"  # in neither
+    assert decided_words({"R1": found["R1"], "R2": found["R2"]}, "these runs") == (
+        "1 of 1 claims and questions that these runs can test are decided (100 %): 1 reproduced. "
+        "1 more cannot be tested on them."
     )

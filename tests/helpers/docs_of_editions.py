@@ -3,7 +3,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from statistics import fmean
 
@@ -13,8 +13,9 @@ from graycard.io import from_builtins, read_json
 from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
 from graycard.reports.history._keep import OWN
 
-ENDING = "-sealed"
-"""Ending of a folder of the second edition, behind the name that the first one has."""
+SEALED = "-sealed"
+"""Part of the name of a folder of the second edition, behind that of the first; a number may follow."""
+NOT_TESTED = "not testable here"
 HELD_BACK = ("undecided", "open")
 AGREE = 0.9
 """Share of refits from which a verdict is stable."""
@@ -50,27 +51,45 @@ def claims_in(folder: Path) -> dict[str, ClaimResult]:
 
 def is_decided(claim: ClaimResult) -> bool:
     """Tell whether a claim has a verdict that nine refits in ten would give."""
-    testable = claim.verdict != "not testable here"
+    testable = claim.verdict != NOT_TESTED
     return testable and claim.verdict not in HELD_BACK and (claim.stability or 0) >= AGREE
 
 
-def decided_words(claims: Mapping[str, ClaimResult]) -> str:
+def newest_claims(folders: Iterable[Path]) -> dict[str, ClaimResult]:
+    """Return each claim as the newest run has it that can test it, or else as the newest has it."""
+    found: dict[str, ClaimResult] = {}
+    for folder in sorted(folders, key=lambda folder: read_run(folder).started):
+        for name, claim in claims_in(folder).items():
+            if name not in found or claim.verdict != NOT_TESTED:
+                found[name] = claim
+    return found
+
+
+def decided_words(claims: Mapping[str, ClaimResult], runs: str = "this run") -> str:
     """Return how many claims are decided, in a sentence."""
-    testable = [claim for claim in claims.values() if claim.verdict != "not testable here"]
+    testable = [claim for claim in claims.values() if claim.verdict != NOT_TESTED]
     decided = [claim for claim in testable if is_decided(claim)]
     words = Counter(claim.verdict for claim in decided)
     told = ", ".join(f"{number} {word}" for word, number in words.most_common())
-    share = f"{len(decided)} of {len(testable)} claims and questions that this run can test are decided"
-    rest = f" {len(claims) - len(testable)} more cannot be tested on it."
+    share = f"{len(decided)} of {len(testable)} claims and questions that {runs} can test are decided"
+    rest = (
+        f" {len(claims) - len(testable)} more cannot be tested on {'it' if runs == 'this run' else 'them'}."
+    )
     return f"{share} ({100 * len(decided) / len(testable):.0f} %)" + (f": {told}." if told else ".") + rest
 
 
 def edition_block(second: Path) -> str:
-    """Return the tables of one track: each claim in both editions, and what decides or holds it back."""
-    first = claims_in(OWN / second.name.removesuffix(ENDING))
+    """Return the tables of one run: each claim before and in it, and what decides or holds it back."""
+    track = second.name.partition(SEALED)[0]
+    before = {"first edition": claims_in(OWN / track)}
+    if (earlier := second.with_name(track + SEALED)) != second:
+        before["second edition, earlier scenes"] = claims_in(earlier)
     claims = claims_in(second)
-    rows = [(name, _word(first.get(name)), _word(claim), _share(claim)) for name, claim in claims.items()]
-    head = ("claim", "first edition", "second edition", "refits that agree")
+    rows = [
+        (name, *(_word(run.get(name)) for run in before.values()), _word(claim), _share(claim))
+        for name, claim in claims.items()
+    ]
+    head = ("claim", *before, "second edition", "refits that agree")
     reasons = [f"- **{name}** {cell(claim.sentence)} {cell(_why(claim))}\n" for name, claim in claims.items()]
     means = f"Means over the scenes that have such a score:\n\n{means_table(read_run(second))}"
     return f"\n{means}\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
