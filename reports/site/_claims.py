@@ -129,9 +129,9 @@ def site_papers(
 ) -> tuple[SitePaper, ...]:
     """Return all papers with their claims, in the order in which runs and histories have them.
 
-    Of several runs that judge a claim those on sealed scenes come first.
+    Of several runs that judge a claim those on sealed scenes come first, of them that of the newest suite.
     """
-    judged = sorted(((run, run.ledger) for run in runs if run.ledger), key=lambda one: one[1].edition is None)
+    judged = sorted(((run, run.ledger) for run in runs if run.ledger), key=lambda one: _place(one[1]))
     ledgers = [*judged, *((None, ledger) for ledger in tables)]
     shelf = _Shelf(sorted({paper.title for _, ledger in ledgers for paper in ledger.papers}, key=len))
     for run, ledger in ledgers:
@@ -141,6 +141,11 @@ def site_papers(
     for one in kept:
         shelf.add_past(one)
     return shelf.papers()
+
+
+def _place(ledger: Ledger) -> tuple[bool, int]:
+    """Return where a ledger stands among others: sealed scenes first, and of them the newest version."""
+    return (True, 0) if ledger.edition is None else (False, -ledger.suite_version)
 
 
 class _Shelf:

@@ -272,6 +272,13 @@ def test_a_verdict_on_sealed_scenes_comes_first():
     assert [one.run for one in claims["S4"].shown][-1] == "dark"
 
 
+def test_of_two_runs_on_sealed_scenes_the_newer_comes_first_where_it_can_test_a_claim():
+    runs = published_runs([OWN / "second" / "dark-sealed", OWN / "second" / "dark-sealed-2"])
+    claims = {claim.id: claim for paper in site_papers(runs, (), ()) for claim in paper.claims}
+    assert [one.run for one in claims["S8"].shown] == ["dark-sealed-2", "dark-sealed"]
+    assert claims["S5"].shown[0].run == "dark-sealed"
+
+
 @pytest.mark.parametrize("site", ["own_site", "hostile_site"])
 @pytest.mark.parametrize("name", PAGES)
 def test_pages_are_valid_and_ask_nobody(site: str, name: str, request: pytest.FixtureRequest):
