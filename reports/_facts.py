@@ -48,7 +48,7 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     own = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
         *([("other than in the suite", record.departs)] if record.departs else []),
-        *([("sealed scenes", edition_words(record.edition))] if record.edition else []),
+        *([("sealed scenes", _edition_words(record.edition))] if record.edition else []),
         ("started", format_date(record.started)),
         ("wall time", format_seconds(record.wall_s)),
         ("jobs", _count_jobs(record.results)),
@@ -59,12 +59,6 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     return tuple(
         groups + [FactGroup(k.replace("_", " ").capitalize(), flatten(v)) for k, v in nested.items()]
     )
-
-
-def edition_words(edition: Edition) -> str:
-    """Say which code and claims were fixed before sealed scenes were rendered."""
-    commit = f", commit {edition.commit[:12]}" if edition.commit else ""
-    return f"rendered after code and claims were fixed by {edition.tag}{commit}"
 
 
 def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:
@@ -108,6 +102,12 @@ def _job_row(result: JobResult) -> JobRow:
         predictions=result.sheet.predictions_sha256 if result.sheet else "–",
         reason=result.reason,
     )
+
+
+def _edition_words(edition: Edition) -> str:
+    """Say which code and claims were fixed before sealed scenes were rendered."""
+    commit = f", commit {edition.commit[:12]}" if edition.commit else ""
+    return f"rendered after code and claims were fixed by {edition.tag}{commit}"
 
 
 def _count_jobs(results: Sequence[JobResult]) -> str:

@@ -12,11 +12,10 @@ from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._claims import TABLE_WORDS
 from graycard.reports._format import count, format_value, format_with_unit
 from graycard.reports.history._changes import TABLES
+from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._page import Row, SuiteHistory, suite_histories
 from graycard.reports.site._anchors import Anchors
 from graycard.reports.site._sources import Kept, Published
-
-NOT_TESTED = "not testable here"
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +128,7 @@ def site_papers(
 ) -> tuple[SitePaper, ...]:
     """Return all papers with their claims, in the order in which runs and histories have them.
 
-    Of several runs that judge a claim those on sealed scenes come first, of them that of the newest suite.
+    Of several runs that judge a claim those on sealed scenes come first, the newest of them before others.
     """
     judged = sorted(((run, run.ledger) for run in runs if run.ledger), key=lambda one: _place(one[1]))
     ledgers = [*judged, *((None, ledger) for ledger in tables)]

@@ -11,11 +11,11 @@ from docs_of_reference import cell, table
 from graycard import RecordError
 from graycard.io import from_builtins, read_json
 from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
+from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
 
 SEALED = "-sealed"
 """Part of the name of a folder of the second edition, behind that of the first; a number may follow."""
-NOT_TESTED = "not testable here"
 HELD_BACK = ("undecided", "open")
 AGREE = 0.9
 """Share of refits from which a verdict is stable."""
