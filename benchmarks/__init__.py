@@ -25,6 +25,7 @@ from graycard.benchmarks._suites import opened as opened
 from graycard.benchmarks._suites import suite_names as suite_names
 from graycard.benchmarks._suites import with_predictions as with_predictions
 from graycard.benchmarks._suites import with_secret as with_secret
+from graycard.benchmarks._suites import without_compositions as without_compositions
 from graycard.benchmarks._until_decided import Plan as Plan
 from graycard.benchmarks._until_decided import run_until_decided as run_until_decided
 from graycard.benchmarks.commands._command import Command as Command

@@ -285,6 +285,11 @@ def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:
     return suite
 
 
+def without_compositions(suite: Suite) -> Suite:
+    """Return a suite whose rows put no objects in: the scenes these come from are not needed then."""
+    return replace(suite, methods=tuple(replace(method, composes=False) for method in suite.methods))
+
+
 def _submitted(row: str, suite: Suite) -> SuiteMethod:
     name, _, folder = row.partition("=")
     if not name or not folder:

@@ -126,6 +126,11 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     assert main([*command, "--methods", "alone", "hosts"]) == 0
     hashes = [{r.job.method: r.job_hash for r in found.results} for found in (record, read_run(run))]
     assert hashes[0] == hashes[1]
+    bare = tmp_path / "bare"
+    assert main(["bench", str(suite), "--out", str(bare), "--methods", "hosts", "--no-compositions"]) == 0
+    assert {path.name for path in (bare / "dataset/multilight").iterdir()} == {"studio-1000"}
+    [result] = read_run(bare).results
+    assert result.sheet and result.sheet.score("composition.psnr").status == "not provided"
     place = run / "dataset/multilight/studio-1000/truth/composition/composition.json"
     composition = json.loads(place.read_text())
     composition["donor_to_host"][0][3] += 0.01

@@ -61,6 +61,8 @@ class BenchCommand:
     """Run these rows, or all rows of these methods; others than the suite's by name or module:attribute."""
     predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
     """Add rows of these names, with predictions by other code at FOLDER/<track>/<scene>/."""
+    compositions: bool = True
+    """Also fit the scenes that objects come from, and put them in, where rows of the suite compose."""
     jobs: Annotated[int | None, optional("INT")] = None
     """Fits at a time; as many as there are cores by default."""
     timeout: Timeout = None
@@ -150,6 +152,7 @@ class BenchCommand:
             "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
             "--sealed": self.sealed, "--budget": self.budget != 1, "--pixels": self.pixels is not None,
             "--views": self.views is not None, "--surfels": self.surfels != 1,
+            "--no-compositions": not self.compositions,
             "--salt": self.salt is not None, "--only": self.only is not None,
         }  # fmt: skip
         given = [name for name, value in others.items() if value]
@@ -196,7 +199,7 @@ class BenchCommand:
 
     def _chosen(self, salt: Salt | None) -> _Chosen:
         """Return the suite or a part of it, on its own, its secret or its sealed scenes, and its folder."""
-        from graycard.benchmarks import load_suite, narrow, opened, with_secret
+        from graycard.benchmarks import load_suite, narrow, opened, with_secret, without_compositions
         from graycard.benchmarks import with_predictions as with_rows
 
         whole = load_suite(self.suite)
@@ -204,14 +207,17 @@ class BenchCommand:
         rows = with_rows(scenes, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
+        suite = suite if self.compositions else without_compositions(suite)
         run = self.out or Path("runs") / f"{suite.name}{self._kind()}"
-        is_part = self.tracks or self.methods or self.predictions or self.sealed
+        narrowed = self.tracks or self.methods or not self.compositions
+        is_part = narrowed or self.predictions or self.sealed
         return _Chosen(suite, run, whole if is_part else None)
 
     def _kind(self) -> str:
         """Return the end of the run folder's name: what is other than in the suite."""
         told = (
             "-sealed" if self.sealed else "",
+            "-no-compositions" if not self.compositions else "",
             f"-budget-{self.budget:g}" if self.budget != 1 else "",
             f"-{self.pixels}-pixels" if self.pixels is not None else "",
             f"-{self.views}-views" if self.views is not None else "",
