@@ -22,7 +22,7 @@ from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
 from graycard.benchmarks.commands._command import RECORDED, Command
 from graycard.benchmarks.commands._fit import CommandSpec, fit_command
-from graycard.eval import score_predictions
+from graycard.eval import score_predictions, unavailable
 from graycard.io import (
     await_file,
     file_lock,
@@ -151,6 +151,8 @@ class Scored:
 
     key: tuple[str, ...]
     sheet: ScoreSheet
+    lacking: tuple[str, ...] = ()
+    """Metrics that could not be computed, as weights were missing."""
 
 
 def run_render(job: RenderJob) -> Outcome:
@@ -236,7 +238,7 @@ def run_score(job: FitJob) -> Outcome:
         with _lock(job), _threads(job.threads):
             key, begun = _score_key(job), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
-            write_json(job.folder / SCORES, Scored(key, sheet))
+            write_json(job.folder / SCORES, Scored(key, sheet, tuple(unavailable())))
             write_json(job.folder / SCORING, CpuCost(time.process_time() - begun))
             return Outcome(value=sheet)
 
@@ -269,10 +271,10 @@ def find_fit(job: FitJob) -> Outcome | None:
 def find_scores(job: FitJob) -> Outcome | None:
     """Return the scores of exactly these predictions, this truth and these metrics.
 
-    None if there are none.
+    None if there are none, or if a metric that was lacking can be computed now.
     """
     scored = read_or_none(Scored, job.folder / SCORES)
-    if scored is None or scored.key != _score_key(job):
+    if scored is None or scored.key != _score_key(job) or not set(scored.lacking) <= set(unavailable()):
         return None
     return Outcome(reused=True, value=scored.sheet)
 

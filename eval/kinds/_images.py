@@ -46,6 +46,8 @@ class ImageRule(Rule):
     """Factor on the exposure of the scene, for a layer that is not itself seen in photographs."""
     chart: bool = False
     """Judge the colour chart alone."""
+    least_side: int = 1
+    """Pixels on the shorter side of a view from which it can be computed; smaller scenes go without."""
 
     @classmethod
     def scorer(
@@ -225,7 +227,9 @@ def breakdown(metric: ImageMetric, findings: Sequence[Finding]) -> dict[str, flo
 
 def _applicable(metrics: Sequence[ImageMetric], first: TrueView) -> list[ImageMetric]:
     """Return the metrics that a scene has: the first test view decides, the others must have its layers."""
-    table = [each for metric in metrics for each in _of_each_light(metric, first)]
+    side = min(first.view.camera.width, first.view.camera.height)
+    fitting = [metric for metric in metrics if metric.rule.least_side <= side]
+    table = [each for metric in fitting for each in _of_each_light(metric, first)]
     return [m for m in table if m.layer in REQUIRED | first.layers.keys()]
 
 

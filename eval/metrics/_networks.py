@@ -14,7 +14,7 @@ from graycard.eval.measures._lpips import lpips
 from graycard.eval.measures._spaces import display
 from graycard.eval.scoring._ceiling import TOO_COSTLY
 from graycard.eval.scoring._findings import Measurement
-from graycard.networks import Net, has_inception, has_lpips
+from graycard.networks import Net, has_inception, has_lpips, least_side
 
 _TRUNKS: dict[Net, str] = {"alex": "AlexNet", "vgg": "VGG-16"}
 _PAIRED = (
@@ -35,7 +35,7 @@ def _lpips(group: str, title: str, layer: str, net: Net, after: str) -> ImageMet
             "in [-1, 1]; only where weights are fetched or named",
             tolerance=0.01,
         ),
-        rule=ImageRule(display, partial(lpips, net=net)),
+        rule=ImageRule(display, partial(lpips, net=net), least_side=least_side(net)),
         layers=(layer,),
         ceiling=TOO_COSTLY,
         references=(

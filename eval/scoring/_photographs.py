@@ -58,6 +58,7 @@ def score_photographs(predictions: Path, scene: Path, protocol: str = "graycard"
         )
     metrics = _metrics()
     scores, hints = _scores(metrics, found, held)
+    scored = {score.metric for score in scores}
     return PhotographSheet(
         capture.track,
         capture.scene,
@@ -65,7 +66,7 @@ def score_photographs(predictions: Path, scene: Path, protocol: str = "graycard"
         digest,
         held.sha256,
         tuple(_named(score, hints) for score in scores),
-        tuple(_record(metric.record) for metric in metrics),
+        tuple(_record(metric.record) for metric in metrics if metric.id in scored),
         len(held.views),
         tuple(view.name for view in held.lacking),
     )

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from graycard.benchmarks import _runner, check_result
-from graycard.benchmarks._jobs import FitJob, run_fit
+from graycard.benchmarks import _jobs, _runner, check_result
+from graycard.benchmarks._jobs import FitJob, find_scores, run_fit, run_score
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
 from graycard.io import read_json, sha256, write_json
@@ -102,6 +102,24 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("bench: 12 jobs, 0 failures")
     assert last.endswith(str(tiny_run / "report" / "index.html"))
+
+
+def test_scores_are_made_anew_when_a_metric_can_be_computed_that_was_lacking(
+    write_tiny: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    scene, folder = write_tiny(tmp_path / "dataset"), tmp_path / "jobs/dark/tiny/gray"
+    job = Job("dark", scene.name, "gray", 0, {}, "gray")
+    fit = FitJob(job, "hash", scene, folder, 1, tmp_path / "jobs")
+    assert not run_fit(fit).reason
+    lacking = {"novel_view.lpips": "fetch weights", "novel_view.fid": "fetch weights"}
+    monkeypatch.setattr(_jobs, "unavailable", lambda: lacking)
+    assert not run_score(fit).reason
+    assert find_scores(fit), "what was lacking is lacking still"
+    monkeypatch.setattr(_jobs, "unavailable", lambda: {"novel_view.fid": "fetch weights"})
+    assert find_scores(fit) is None, "weights of LPIPS have arrived"
+    assert not run_score(fit).reason
+    monkeypatch.setattr(_jobs, "unavailable", lambda: lacking)
+    assert find_scores(fit), "what was scored stays where weights are gone"
 
 
 def test_killed_while_rendering_and_while_fitting_it_ends_the_same(

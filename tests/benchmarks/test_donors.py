@@ -130,7 +130,8 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     assert main(["bench", str(suite), "--out", str(bare), "--methods", "hosts", "--no-compositions"]) == 0
     assert {path.name for path in (bare / "dataset/multilight").iterdir()} == {"studio-1000"}
     [result] = read_run(bare).results
-    assert result.sheet and result.sheet.score("composition.psnr").status == "not provided"
+    assert result.sheet
+    assert result.sheet.score("composition.psnr").status == "not provided"
     place = run / "dataset/multilight/studio-1000/truth/composition/composition.json"
     composition = json.loads(place.read_text())
     composition["donor_to_host"][0][3] += 0.01

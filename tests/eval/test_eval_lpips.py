@@ -61,15 +61,26 @@ def test_without_weights_it_cannot_be_computed(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_sheet_has_it_only_where_weights_are_named(
-    tiny_scenes: dict[str, Path],
+    write_tiny: Callable[..., Path],
     predict: Callable[..., Path],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    folder, scene = predict(tiny_scenes["dark"]), tiny_scenes["dark"]
+    scene = write_tiny(tmp_path / "larger", size=(36, 31))
+    folder = predict(scene)
     monkeypatch.delenv("GRAYCARD_LPIPS", raising=False)
     assert "novel_view.lpips" not in {s.metric for s in ge.score_predictions(folder, scene).scores}
     monkeypatch.setenv("GRAYCARD_LPIPS", str(tmp_path / "nowhere"))
     found = ge.score_predictions(folder, scene).score("novel_view.lpips")
     assert found.status == "failed"
-    assert "at least 31x31" in found.reason, "the tiny scene is too small; that comes first"
+    assert "nowhere" in found.reason
+
+
+@pytest.mark.usefixtures("random_lpips")
+def test_a_scene_of_small_views_goes_without(
+    tiny_scenes: dict[str, Path], predict: Callable[..., Path]
+) -> None:
+    """Its 28 x 24 pixels are enough for VGG-16, and too few for AlexNet."""
+    scores = ge.score_predictions(predict(tiny_scenes["dark"]), tiny_scenes["dark"]).scores
+    assert [s.metric for s in scores if "lpips" in s.metric] == ["novel_view.lpips.vgg"]
+    assert all(s.status != "failed" for s in scores)
