@@ -8,7 +8,7 @@ method fails its own jobs and no others.
 import os
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
 from graycard.benchmarks.commands._command import RECORDED, Command
 from graycard.benchmarks.commands._fit import CommandSpec, fit_command
-from graycard.eval import score_predictions, unavailable
+from graycard.eval import find_metric, score_predictions, unavailable
 from graycard.io import (
     await_file,
     file_lock,
@@ -152,7 +152,7 @@ class Scored:
     key: tuple[str, ...]
     sheet: ScoreSheet
     lacking: tuple[str, ...] = ()
-    """Metrics that could not be computed, as weights were missing."""
+    """Metrics that could not be computed, as weights of their networks were missing or damaged."""
 
 
 def run_render(job: RenderJob) -> Outcome:
@@ -236,9 +236,9 @@ def run_score(job: FitJob) -> Outcome:
     def work() -> Outcome:
         await_file(job.folder / DONE)
         with _lock(job), _threads(job.threads):
-            key, begun = _score_key(job), time.process_time()
+            key, lacking, begun = _score_key(job), tuple(unavailable()), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
-            write_json(job.folder / SCORES, Scored(key, sheet, tuple(unavailable())))
+            write_json(job.folder / SCORES, Scored(key, sheet, (*lacking, *_damaged(sheet))))
             write_json(job.folder / SCORING, CpuCost(time.process_time() - begun))
             return Outcome(value=sheet)
 
@@ -277,6 +277,13 @@ def find_scores(job: FitJob) -> Outcome | None:
     if scored is None or scored.key != _score_key(job) or not set(scored.lacking) <= set(unavailable()):
         return None
     return Outcome(reused=True, value=scored.sheet)
+
+
+def _damaged(sheet: ScoreSheet) -> Iterator[str]:
+    """Yield the metrics with weights that failed: the next bench tries them again."""
+    for score in sheet.scores:
+        if score.status == "failed" and find_metric(score.metric).advice:
+            yield score.metric
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:

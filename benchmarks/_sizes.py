@@ -17,7 +17,7 @@ def at_size(suite: Suite, size: Size) -> Suite:
     number of views, so other training views move those that are held out, too.
 
     Raises:
-        RecordError: Pictures would be too small.
+        RecordError: Pictures would be too small or too large.
     """
     render = suite.render
     scale = size.of(Scale(render.width, render.height, render.train_views, render.test_views))

@@ -286,7 +286,15 @@ def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:
 
 
 def without_compositions(suite: Suite) -> Suite:
-    """Return a suite whose rows put no objects in: the scenes these come from are not needed then."""
+    """Return a suite whose rows put no objects in: the scenes these come from are not needed then.
+
+    Raises:
+        RecordError: No row puts any in.
+    """
+    if not any(method.composes for method in suite.methods):
+        raise RecordError(
+            f"expected rows that put objects in, got none in {suite.name}. Leave out --no-compositions"
+        )
     return replace(suite, methods=tuple(replace(method, composes=False) for method in suite.methods))
 
 

@@ -16,6 +16,8 @@ from graycard.records import RUN_FILE, SUITE_FILE, JobResult, RunRecord, SceneRe
 from graycard.synth import SceneSpec, resolved_knobs, scene_name, with_defaults
 
 RULE = "suite"
+COMPOSED = "composition.psnr"
+"""Metric that a scene has where its truth shows an object put in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +96,23 @@ def part_of(run: RunRecord, suite: Suite | None) -> str:
         parts.append(f"methods {', '.join(rows)}")
     if suite.secret and not run.commitment and not run.edition:
         parts.append("without its secret scenes")
+    if alone := _without_compositions(run, suite):
+        parts.append(f"no object is put in by {', '.join(alone)}")
     told = [f"part of {suite.name}: {'; '.join(parts)}"] if parts else []
     return "; ".join([*told, *([f"{suite.name} at {run.departs}"] if run.departs else [])])
+
+
+def _without_compositions(run: RunRecord, suite: Suite) -> list[str]:
+    """Return the rows that are to put objects in, and were run without."""
+    composing = {method.row for method in suite.methods if method.composes}
+    alone = {
+        result.job.method
+        for result in run.results
+        if result.job.method in composing and result.access and not result.access.donor_sha256
+        for score in (result.sheet.scores if result.sheet else ())
+        if score.metric == COMPOSED and score.status == "not provided"
+    }
+    return [method.name for method in run.methods if method.name in alone]
 
 
 def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:

@@ -47,7 +47,7 @@ class ImageRule(Rule):
     chart: bool = False
     """Judge the colour chart alone."""
     least_side: int = 1
-    """Pixels on the shorter side of a view from which it can be computed; smaller scenes go without."""
+    """Pixels that each side of each test view needs; scenes with smaller views go without."""
 
     @classmethod
     def scorer(
@@ -55,7 +55,9 @@ class ImageRule(Rule):
     ) -> "ImageScorer":
         """Begin to score; see :class:`Rule`."""
         unknown = sorted(set(predictions.view_names()) - {v.name for v in truth.views})
-        return ImageScorer(metrics, scene, unknown)
+        sides = [min(v.camera.width, v.camera.height) for v in truth.views if v.split == "test"]
+        fitting = [metric for metric in metrics if metric.rule.least_side <= min(sides, default=0)]
+        return ImageScorer(fitting, scene, unknown)
 
     @property
     def space_name(self) -> str:
@@ -227,9 +229,7 @@ def breakdown(metric: ImageMetric, findings: Sequence[Finding]) -> dict[str, flo
 
 def _applicable(metrics: Sequence[ImageMetric], first: TrueView) -> list[ImageMetric]:
     """Return the metrics that a scene has: the first test view decides, the others must have its layers."""
-    side = min(first.view.camera.width, first.view.camera.height)
-    fitting = [metric for metric in metrics if metric.rule.least_side <= side]
-    table = [each for metric in fitting for each in _of_each_light(metric, first)]
+    table = [each for metric in metrics for each in _of_each_light(metric, first)]
     return [m for m in table if m.layer in REQUIRED | first.layers.keys()]
 
 

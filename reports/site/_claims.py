@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
-from graycard.records import Asker, ClaimResult, ClaimVerdict, Ledger, PaperResult
+from graycard.records import Asker, ClaimResult, ClaimVerdict, Ledger, PaperResult, read_run
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._claims import TABLE_WORDS
 from graycard.reports._format import count, format_value, format_with_unit
@@ -130,7 +130,7 @@ def site_papers(
 
     Of several runs that judge a claim those on sealed scenes come first, the newest of them before others.
     """
-    judged = sorted(((run, run.ledger) for run in runs if run.ledger), key=lambda one: _place(one[1]))
+    judged = [(run, ledger) for run in _in_order(runs) if (ledger := run.ledger)]
     ledgers = [*judged, *((None, ledger) for ledger in tables)]
     shelf = _Shelf(sorted({paper.title for _, ledger in ledgers for paper in ledger.papers}, key=len))
     for run, ledger in ledgers:
@@ -142,9 +142,12 @@ def site_papers(
     return shelf.papers()
 
 
-def _place(ledger: Ledger) -> tuple[bool, int]:
-    """Return where a ledger stands among others: sealed scenes first, and of them the newest version."""
-    return (True, 0) if ledger.edition is None else (False, -ledger.suite_version)
+def _in_order(runs: Iterable[Published]) -> list[Published]:
+    """Return runs on sealed scenes, of which the newest comes first, and then the others as they came."""
+    sealed, others = [], []
+    for run in runs:
+        (sealed if run.ledger and run.ledger.edition else others).append(run)
+    return [*sorted(sealed, key=lambda run: read_run(run.folder).started, reverse=True), *others]
 
 
 class _Shelf:

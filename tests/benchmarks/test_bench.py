@@ -14,12 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from graycard.benchmarks import _jobs, _runner, check_result
+from graycard.benchmarks import _runner, check_result
 from graycard.benchmarks._jobs import FitJob, find_scores, run_fit, run_score
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
 from graycard.io import read_json, sha256, write_json
 from graycard.records import Job, ScoreSheet, read_comparison, read_run
+from layer_references import write_random_weights
 
 TRACKS = ("dark", "tabletop", "multilight")
 
@@ -104,22 +105,35 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     assert last.endswith(str(tiny_run / "report" / "index.html"))
 
 
-def test_scores_are_made_anew_when_a_metric_can_be_computed_that_was_lacking(
+def test_scores_are_made_anew_when_weights_arrive_or_are_mended(
     write_tiny: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     scene, folder = write_tiny(tmp_path / "dataset"), tmp_path / "jobs/dark/tiny/gray"
     job = Job("dark", scene.name, "gray", 0, {}, "gray")
     fit = FitJob(job, "hash", scene, folder, 1, tmp_path / "jobs")
+
+    def status() -> str:
+        found = find_scores(fit)
+        assert found
+        return {s.metric: s.status for s in found.value.scores}.get("novel_view.lpips.vgg", "none")
+
+    monkeypatch.setenv("GRAYCARD_WEIGHTS", str(tmp_path / "none"))
+    monkeypatch.delenv("GRAYCARD_LPIPS", raising=False)
     assert not run_fit(fit).reason
-    lacking = {"novel_view.lpips": "fetch weights", "novel_view.fid": "fetch weights"}
-    monkeypatch.setattr(_jobs, "unavailable", lambda: lacking)
     assert not run_score(fit).reason
-    assert find_scores(fit), "what was lacking is lacking still"
-    monkeypatch.setattr(_jobs, "unavailable", lambda: {"novel_view.fid": "fetch weights"})
-    assert find_scores(fit) is None, "weights of LPIPS have arrived"
+    assert status() == "none", "what was lacking is lacking still"
+    monkeypatch.setenv("GRAYCARD_LPIPS", str(tmp_path / "weights"))
+    write_random_weights(tmp_path / "weights")
+    assert find_scores(fit) is None, "weights have arrived"
+    good = (tmp_path / "weights" / "vgg.safetensors").read_bytes()
+    (tmp_path / "weights" / "vgg.safetensors").write_bytes(b"damaged")
     assert not run_score(fit).reason
-    monkeypatch.setattr(_jobs, "unavailable", lambda: lacking)
-    assert find_scores(fit), "what was scored stays where weights are gone"
+    assert find_scores(fit) is None, "a metric that failed is tried again"
+    (tmp_path / "weights" / "vgg.safetensors").write_bytes(good)
+    assert not run_score(fit).reason
+    assert status() == "scored"
+    monkeypatch.delenv("GRAYCARD_LPIPS")
+    assert status() == "scored", "what was scored stays where weights are gone"
 
 
 def test_killed_while_rendering_and_while_fitting_it_ends_the_same(

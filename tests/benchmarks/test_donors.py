@@ -132,6 +132,9 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     [result] = read_run(bare).results
     assert result.sheet
     assert result.sheet.score("composition.psnr").status == "not provided"
+    assert "no object is put in by hosts" in check_result(bare).part
+    assert "no object" not in check_result(run).part
+    assert main([*command, "--methods", "alone", "--no-compositions"]) == 2, "alone puts none in anyway"
     place = run / "dataset/multilight/studio-1000/truth/composition/composition.json"
     composition = json.loads(place.read_text())
     composition["donor_to_host"][0][3] += 0.01

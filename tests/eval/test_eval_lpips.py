@@ -2,14 +2,18 @@
 """LPIPS where there are weights, with small random ones; never a download."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import graycard.eval as ge
-from graycard import DatasetError, WeightsError
+from graycard import DatasetError, WeightsError, open_predictions, open_truth
+from graycard.eval.kinds._images import ImageRule
 from graycard.eval.measures._lpips import lpips
+from graycard.eval.scoring._findings import SceneFacts
+from graycard.eval.scoring._training import Training
 from graycard.networks import load_lpips as load_weights
 from layer_references import write_random_weights
 
@@ -84,3 +88,22 @@ def test_a_scene_of_small_views_goes_without(
     scores = ge.score_predictions(predict(tiny_scenes["dark"]), tiny_scenes["dark"]).scores
     assert [s.metric for s in scores if "lpips" in s.metric] == ["novel_view.lpips.vgg"]
     assert all(s.status != "failed" for s in scores)
+
+
+def test_one_small_view_among_larger_ones_is_enough(
+    tiny_scenes: dict[str, Path], predict: Callable[..., Path]
+) -> None:
+    truth, given = open_truth(tiny_scenes["dark"] / "truth"), open_predictions(predict(tiny_scenes["dark"]))
+    views = [view for view in truth.views if view.split == "test"]
+    metric, facts = ge.find_metric("novel_view.lpips"), SceneFacts(1.0, Training(frozenset(), (), {}))
+
+    def is_judged(*sides: int) -> bool:
+        sized = tuple(
+            replace(view, camera=replace(view.camera, width=side, height=side))
+            for view, side in zip(views, sides, strict=True)
+        )
+        return bool(ImageRule.scorer([metric], given, replace(truth, views=sized), facts).metrics)
+
+    assert is_judged(31, 64)
+    assert not is_judged(64, 30)
+    assert not is_judged(30, 64)

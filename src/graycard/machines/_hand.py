@@ -60,7 +60,7 @@ def do_errand(errand: Errand, job: Any, origin: Mapping[str, str]) -> Outcome:
     Args:
         errand: The work.
         job: What is handed to it.
-        origin: Code and versions of the bench, which this machine has to have as well.
+        origin: Code, versions and weights of the bench, which this machine has to have as well.
 
     Returns:
         The outcome; a fatal one where this machine cannot do jobs.
@@ -68,7 +68,8 @@ def do_errand(errand: Errand, job: Any, origin: Mapping[str, str]) -> Outcome:
     if other := differences(dict(origin)):
         got = ", ".join(other)
         return _fatal(
-            f"expected the code of the bench, got {got}. Install the same there, and start its workers again"
+            f"expected code and weights of the bench, got {got}. Install the same there, and start its "
+            "workers again"
         )
     try:
         return _worker_for(errand).do(job)

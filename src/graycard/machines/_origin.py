@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The code of a machine: where it is another than that of the bench, scores are not the same."""
+"""Code and weights of a machine: where they are others than those of the bench, scores are not the same."""
 
 import hashlib
 import os
@@ -8,19 +8,21 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from graycard.networks import has_inception, has_lpips
+
 _HOME = Path(__file__).parents[1]
 _PACKAGES = ("mitsuba", "drjit", "torch", "numpy", "scipy", "numba", "llvmlite", "scikit-image", "OpenEXR")
 """Packages that numbers come from."""
 _READ = (".py", ".toml", ".safetensors")
 
 
-@cache
 def origin() -> dict[str, str]:
-    """Return what numbers depend on here: the code of graycard, and versions of packages, by name.
+    """Return what numbers depend on here: graycard's code, versions of packages and weights, by name.
 
-    As the process found them first: code that changes later is not what it runs.
+    Code is as the process found it first: what changes later is not what it runs. Weights are those of now.
     """
-    return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
+    nets = {"LPIPS (AlexNet)": has_lpips("alex"), "LPIPS (VGG-16)": has_lpips("vgg"), "FID": has_inception()}
+    return {**_installed(), "weights of": ", ".join(net for net, here in nets.items() if here) or "nothing"}
 
 
 def differences(wanted: dict[str, str]) -> list[str]:
@@ -29,6 +31,11 @@ def differences(wanted: dict[str, str]) -> list[str]:
     return [
         f"{name} {own.get(name)} and not {value}" for name, value in wanted.items() if own.get(name) != value
     ]
+
+
+@cache
+def _installed() -> dict[str, str]:
+    return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
 
 
 def _code() -> str:

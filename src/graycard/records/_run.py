@@ -355,7 +355,10 @@ def read_run(run: Path) -> RunRecord:
 def _runs_below(folder: Path) -> str:
     """Return words on a folder of run folders; empty if it holds none."""
     names = sorted(path.parent.name for path in folder.glob(f"*/{RUN_FILE}"))
-    return f"a folder of {len(names)} runs. Name one of them: {', '.join(names[:9])}" if names else ""
+    if not names:
+        return ""
+    listed = ", ".join(names[:9]) + ", …" * (len(names) > 9)
+    return f"a folder of {len(names)} run{'s' * (len(names) > 1)}. Name one of them: {listed}"
 
 
 @contextmanager

@@ -209,8 +209,7 @@ class BenchCommand:
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
         suite = suite if self.compositions else without_compositions(suite)
         run = self.out or Path("runs") / f"{suite.name}{self._kind()}"
-        narrowed = self.tracks or self.methods or not self.compositions
-        is_part = narrowed or self.predictions or self.sealed
+        is_part = self.sealed or suite != scenes
         return _Chosen(suite, run, whole if is_part else None)
 
     def _kind(self) -> str:
