@@ -19,6 +19,7 @@ from graycard.io import silent
 from graycard.machines import ClusterSpec, MachineError, Machines, connected
 from graycard.machines import _engine as engine
 from graycard.machines._hand import Placed
+from graycard.machines._origin import differences, origin
 from graycard.processes import Limits, Outcome, StandingWorker
 from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
 
@@ -110,6 +111,19 @@ def test_a_machine_with_other_code_does_nothing(machines: Machines, monkeypatch:
     monkeypatch.setattr(engine, "origin", lambda: {"graycard's code": "abc", "Python": "2.7.18"})
     with pytest.raises(MachineError, match=r"got graycard's code \w+ and not abc, Python 3\.\S+ and not 2"):
         machines.run_all(end, ["a"], 1, silent)
+
+
+def test_a_machine_without_the_weights_of_the_bench_is_another(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its scores would lack metrics that the bench has."""
+    monkeypatch.delenv("GRAYCARD_LPIPS", raising=False)
+    monkeypatch.setenv("GRAYCARD_WEIGHTS", str(tmp_path))
+    (tmp_path / "inception.safetensors").touch()
+    wanted = origin()
+    assert differences(wanted) == []
+    (tmp_path / "inception.safetensors").unlink()
+    assert differences(wanted) == ["weights of nothing and not FID and KID"]
 
 
 class Few:

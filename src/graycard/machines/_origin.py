@@ -21,8 +21,12 @@ def origin() -> dict[str, str]:
 
     Code is as the process found it first: what changes later is not what it runs. Weights are those of now.
     """
-    nets = {"LPIPS (AlexNet)": has_lpips("alex"), "LPIPS (VGG-16)": has_lpips("vgg"), "FID": has_inception()}
-    return {**_installed(), "weights of": ", ".join(net for net, here in nets.items() if here) or "nothing"}
+    found = (
+        ("LPIPS (AlexNet)", has_lpips("alex")),
+        ("LPIPS (VGG-16)", has_lpips("vgg")),
+        ("FID and KID", has_inception()),
+    )
+    return {**_installed(), "weights of": ", ".join(name for name, here in found if here) or "nothing"}
 
 
 def differences(wanted: dict[str, str]) -> list[str]:
@@ -35,6 +39,7 @@ def differences(wanted: dict[str, str]) -> list[str]:
 
 @cache
 def _installed() -> dict[str, str]:
+    """Return code and versions, as the process found them first."""
     return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
 
 
