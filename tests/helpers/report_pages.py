@@ -8,6 +8,11 @@ from typing import Any
 from playwright.sync_api import Browser, Page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+FRAMES = """new Promise((done) => {
+  requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done)));
+})"""
+SCENE = "track-1-scene-1"
+"""The part of the first scene of a report."""
 
 
 def open_report(browser: Browser, path: Path, heard: list[str], anchor: str = "", **options: Any) -> Page:
@@ -37,3 +42,8 @@ def open_all(page: Page) -> None:
     if page.locator("a.mark").count():
         page.evaluate("location.hash = '#claims-all'")
         page.wait_for_selector("body[data-opened=claims-all]")
+
+
+def settle(page: Page) -> None:
+    """Wait until what was asked for is drawn."""
+    page.evaluate(FRAMES)

@@ -198,9 +198,21 @@ def tiny_run(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Pa
 
 
 @pytest.fixture(scope="session")
-def tiny_page(tiny_run: Path) -> str:
+def report_path(tiny_run: Path) -> Path:
+    """The page of that run."""
+    return write_report(tiny_run)
+
+
+@pytest.fixture
+def heard() -> list[str]:
+    """What pages say that must not: messages of the console, and requests to elsewhere."""
+    return []
+
+
+@pytest.fixture(scope="session")
+def tiny_page(report_path: Path) -> str:
     """The HTML text of the shared run, with closed parts as data."""
-    return write_report(tiny_run).read_text(encoding="utf-8")
+    return report_path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

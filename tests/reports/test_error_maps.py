@@ -13,7 +13,6 @@ from skimage.metrics import structural_similarity
 
 from graycard import srgb_encode
 from graycard.eval.measures._depth import depth_errors, relative_depth_errors
-from graycard.reports import write_report
 from report_pages import CHROMIUM, open_report
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
@@ -81,18 +80,8 @@ SMALL = """([values, mean]) => {
 
 
 @pytest.fixture
-def heard() -> list[str]:
-    return []
-
-
-@pytest.fixture(scope="module")
-def path(tiny_run: Path) -> Path:
-    return write_report(tiny_run)
-
-
-@pytest.fixture
-def page(browser: Browser, path: Path, heard: list[str]) -> Iterator[Page]:
-    found = open_report(browser, path, heard, SCENE)
+def page(browser: Browser, report_path: Path, heard: list[str]) -> Iterator[Page]:
+    found = open_report(browser, report_path, heard, SCENE)
     yield found
     found.close()
 

@@ -47,11 +47,6 @@ def size(request: pytest.FixtureRequest) -> Any:
 
 
 @pytest.fixture
-def heard() -> list[str]:
-    return []
-
-
-@pytest.fixture
 def reader(browser: Browser, size: Any, heard: list[str]) -> Iterator[Reader]:
     page = open_report(browser, OWN / "tabletop" / "index.html", heard, viewport=size)
     found = Reader(page)
