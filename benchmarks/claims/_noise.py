@@ -17,8 +17,8 @@ from graycard.eval.statistics import split_variance
 from graycard.records import SceneRecord, read_run
 
 FOLDER: Final = Path(__file__).parent / "noise"
-"""Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds; without single
-views."""
+"""Runs of the suites ``noise-<track>`` and ``noise-<track>-<what>`` on tuning scenes, each scene fitted with
+several seeds; without single views."""
 
 
 _BUDGET: Final = ("iterations", "surfels")
@@ -107,22 +107,25 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
         return FitNoise(found, f"{seeds} seeds of this run", seeds, freedom, frozenset(fitted or rows))
     if not fitted:
         return FitNoise(0.0, "nothing is fitted")
-    measured = _measured(track)
-    if measured is None:
-        return None
+    found = (_noise_in(measured, sample, fitted, readings) for measured in _measured(track))
+    return next((noise for noise in found if noise is not None), None)
+
+
+def _noise_in(
+    measured: _Measured, sample: Sample, fitted: Sequence[str], readings: Readings
+) -> FitNoise | None:
+    """Return the fit noise that one run of tuning scenes has; None where its scenes lack such a score."""
     if all(measured.fitted_alike(row, readings) for row in fitted):
-        return _direct(check, fitted, measured)
+        return _direct(sample.check, fitted, measured)
     return _by_stand_ins(sample, fitted, readings, measured)
 
 
 @cache
-def _measured(track: str) -> _Measured | None:
-    """Return the run on tuning scenes of a track; None where there is none."""
-    folder = FOLDER / track
-    if not folder.is_dir():
-        return None
-    readings = Readings(read_run(folder))
-    return _Measured(readings, tuple(readings.scenes(track, Scenes())))
+def _measured(track: str) -> tuple[_Measured, ...]:
+    """Return the runs on tuning scenes of a track: that of all scores, then those of what it lacks."""
+    folders = sorted(path for path in FOLDER.iterdir() if path.name.split("-")[0] == track)
+    runs = [Readings(read_run(folder)) for folder in folders]
+    return tuple(_Measured(run, tuple(run.scenes(track, Scenes()))) for run in runs)
 
 
 def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNoise | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keep the scores of a run of a suite ``noise-<track>`` where verdicts read the noise of fits from.
+"""Keep the scores of a run of a suite ``noise-<track>…`` where verdicts read the noise of fits from.
 
 ``graycard bench noise-dark && python tests/helpers/fit_noise.py runs/noise-dark``. Single views and what was
 not scored are left out.
@@ -38,12 +38,12 @@ def main(folder: str) -> None:
         SystemExit: The run is of another suite.
     """
     run = read_run(Path(folder))
-    kind, _, track = run.suite.partition("-")
+    kind, _, name = run.suite.partition("-")
     if kind != "noise":
-        raise SystemExit(f"expected a run of a suite noise-<track>, got {run.suite}")
+        raise SystemExit(f"expected a run of a suite noise-<track>…, got {run.suite}")
     data = to_builtins(trimmed(run))
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    write_bytes(FOLDER / track / "run.json", text.encode() + b"\n")
+    write_bytes(FOLDER / name / "run.json", text.encode() + b"\n")
 
 
 if __name__ == "__main__":
