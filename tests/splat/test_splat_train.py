@@ -284,6 +284,20 @@ def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
         assert torch.equal(values, fit(plan).parameters.all[name]), name
 
 
+def test_progress_counts_steps_from_where_a_fit_went_on(tmp_path: Path):
+    rates = {"albedo": splat.LearningRateSchedule(5e-2, 1e-2)}
+    plan = splat.TrainConfig(1000, rates, 1.0, checkpoint=splat.Checkpoint(tmp_path / "saved", 1000, ""))
+    for until, expected in ((1, ["step 1 of 1,000"]), (3, ["step 2 of 1,000", "step 3 of 1,000"])):
+        told: list[str] = []
+        splat.train(
+            splat.initial_state(some_parameters(), 0),
+            replace(plan, until=until),
+            far_from_zero,
+            lambda done, doing, told=told: told.append(doing),
+        )
+        assert told == [f"fitting 5 surfels, {words}" for words in expected]
+
+
 def test_fits_that_depend_on_the_same_share_a_folder(tmp_path: Path):
     """A step of one is not done by another, and its time counts; who depends on other things begins anew."""
     mine = splat.Checkpoint(tmp_path / "stages", 1000, "mine", shared=True)

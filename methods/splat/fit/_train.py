@@ -112,7 +112,8 @@ def train(state: FitState, config: TrainConfig, objective: Objective, progress: 
     config = replace(config, misplaced=on_device(config.misplaced, device))
     began = time.perf_counter()
     while state.step < config.last:
-        progress(state.step / config.steps, f"fitting {len(state.parameters)} surfels")
+        at = f"step {state.step + 1:,} of {config.steps:,}"
+        progress(state.step / config.steps, f"fitting {len(state.parameters):,} surfels, {at}")
         state = train_step(state, config, objective)
         ends = state.step == config.last
         if config.checkpoint is not None and (ends or state.step % config.checkpoint.every == 0):
