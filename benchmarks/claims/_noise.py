@@ -107,24 +107,22 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
         return FitNoise(found, f"{seeds} seeds of this run", seeds, freedom, frozenset(fitted or rows))
     if not fitted:
         return FitNoise(0.0, "nothing is fitted")
-    found = (_noise_in(measured, sample, fitted, readings) for measured in _measured(track))
-    return next((noise for noise in found if noise is not None), None)
-
-
-def _noise_in(
-    measured: _Measured, sample: Sample, fitted: Sequence[str], readings: Readings
-) -> FitNoise | None:
-    """Return the fit noise that one run of tuning scenes has; None where its scenes lack such a score."""
-    if all(measured.fitted_alike(row, readings) for row in fitted):
-        return _direct(sample.check, fitted, measured)
-    return _by_stand_ins(sample, fitted, readings, measured)
+    runs = _measured(track)
+    alike = [run for run in runs if all(run.fitted_alike(row, readings) for row in fitted)]
+    if alike:
+        direct = (_direct(check, fitted, run) for run in alike)
+        return next((noise for noise in direct if noise is not None), None)
+    return _by_stand_ins(sample, fitted, readings, runs[0]) if runs else None
 
 
 @cache
 def _measured(track: str) -> tuple[_Measured, ...]:
-    """Return the runs on tuning scenes of a track: that of all scores, then those of what it lacks."""
-    folders = sorted(path for path in FOLDER.iterdir() if path.name.split("-")[0] == track)
-    runs = [Readings(read_run(folder)) for folder in folders]
+    """Return the runs on tuning scenes of a track in the order of their names: ``<track>`` is the first.
+
+    Rows stand in for others in the first alone. The others have few rows.
+    """
+    folders = sorted(path.parent for path in FOLDER.glob("*/run.json"))
+    runs = [Readings(read_run(folder)) for folder in folders if folder.name.split("-")[0] == track]
     return tuple(_Measured(run, tuple(run.scenes(track, Scenes()))) for run in runs)
 
 

@@ -1,44 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """The noise of fits and the share of refits with the same verdict, beside computations of their own."""
 
-import json
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-import graycard.eval as ge
 from claims_by_hand import (
     SPREAD,
     check_of,
-    cut_off,
-    estimate_of,
     fitted,
     interval_of,
     judged,
     led_by,
     seeded,
 )
-from graycard.benchmarks import claims
-from graycard.benchmarks.claims import Check, Quantity, _stability
+from graycard.benchmarks.claims import Check, _stability
 from graycard.benchmarks.claims._effects import Levels, Sample, summarise
 from graycard.benchmarks.claims._noise import FitNoise
 from graycard.benchmarks.claims._rules import verdict_of
 from graycard.benchmarks.claims._stability import Deciding, Judged
 from graycard.records import (
-    CheckResult,
-    Job,
-    JobResult,
     MethodRecord,
     RunRecord,
-    Score,
-    ScoreSheet,
 )
+from refits_by_hand import deviation, refits, share_above
 from runs_by_hand import result_of, scene_of
 
 EFFECTS = 1.0 + 2 * SPREAD
@@ -51,54 +39,6 @@ def in_pairs(spread: float, effects: np.ndarray = EFFECTS) -> np.ndarray:
     """Two seeds a scene, so far from their mean; the larger is now the first and now the second."""
     signs = np.array([1, -1] * (len(effects) // 2))
     return np.stack([effects + spread * signs, effects - spread * signs], axis=1)
-
-
-def deviation(seeds: np.ndarray) -> float:
-    """Return the pooled standard deviation within scenes, from its definition."""
-    squares = sum(sum((value - scene.mean()) ** 2 for value in scene) for scene in seeds)
-    return math.sqrt(squares / (seeds.size - len(seeds)))
-
-
-def refits(
-    effects: np.ndarray,
-    noise: float,
-    freedom: float = math.inf,
-    had: int = 2,
-    seeds: int = 2,
-    most: float = math.inf,
-    count: int = 20_000,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends of intervals of refits, in the order in which they would come about.
-
-    First what the noise is, then where the centre is, then what each scene's effect is, then new fits of it.
-
-    Args:
-        effects: Means over the fits of each scene.
-        noise: Standard deviation of one fit, as it was estimated.
-        freedom: Of that estimate.
-        had: Fits of each scene.
-        seeds: Fits of each scene in a refit.
-        most: No variance is drawn above it.
-        count: Refits.
-    """
-    random, scenes = np.random.default_rng(4711), len(effects)
-    shape, centre = (count, scenes), estimate_of(effects)
-    known = math.isinf(freedom)
-    variance = noise**2 * (np.ones(count) if known else freedom / random.chisquare(freedom, count))
-    fits = np.minimum(variance, most)[:, None]
-    kept = np.maximum(0, 1 - fits / had / effects.var(ddof=1))
-    around = random.normal(centre, np.sqrt((1 - kept) * fits / had / scenes))
-    true = random.normal(around + kept * (effects - centre), np.sqrt(kept * fits / had), shape)
-    again = random.normal(true, np.sqrt(fits / seeds))
-    one, other = np.triu_indices(scenes)
-    walsh = np.sort((again[:, one] + again[:, other]) / 2, axis=1)
-    outside = cut_off(scenes, 0.95)
-    return walsh[:, outside], walsh[:, -1 - outside]
-
-
-def share_above(effects: np.ndarray, noise: float, freedom: float = math.inf, **more: Any) -> float:
-    low, _ = refits(effects, noise, freedom, **more)
-    return float((low > 0).mean())
 
 
 OWN_FREEDOM = 8.0
@@ -315,116 +255,3 @@ def test_stated_stability_is_that_of_refits_of_the_true_effects(seeds: int) -> N
             agreed.append(interval_of(again)[0] > 0)
     assert len(agreed) > 100
     assert np.mean(agreed) == pytest.approx(0.9, abs=0.08)
-
-
-METRIC = "novel_view.psnr"
-NOISE = Path(claims.__file__).parent / "noise"
-
-
-def measured(metric: str = METRIC, run: str = "dark") -> dict[str, dict[str, list[float]]]:
-    """The measured scores by row and scene, in the order of seeds, straight from the file."""
-    found: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    results = json.loads((NOISE / run / "run.json").read_text(encoding="utf-8"))["results"]
-    for result in sorted(results, key=lambda result: result["job"]["seed"]):
-        (value,) = (s["value"] for s in result["sheet"]["scores"] if s["metric"] == metric)
-        found[result["job"]["method"]][result["job"]["scene"]].append(value)
-    return found
-
-
-def spread_of_row(row: str) -> float:
-    return deviation(np.array(list(measured()[row].values())))
-
-
-def fits_of(
-    rows: Sequence[tuple[str, str]],
-    effects: np.ndarray,
-    name: str = METRIC,
-    track: str = "dark",
-    steps: int = 4000,
-) -> RunRecord:
-    """Rows, each by its method, with one seed a scene; the first leads the others by the effects."""
-    (metric,) = (m for m in ge.all_metrics() if m.id == name)
-    results = []
-    for place, (row, _) in enumerate(rows):
-        for i, effect in enumerate(effects):
-            value = 20.0 + i + (float(effect) if place == 0 else 0.0)
-            facts = metric.unit, metric.higher_is_better, metric.optimum
-            score = Score(name, "graycard-1", "scored", value, *facts)
-            sheet = ScoreSheet(track, f"s{i}", row, "", "", (score,))
-            job = Job(track, f"s{i}", row, 0, {"iterations": steps})
-            results.append(JobResult(job, "", "", "done", sheet=sheet))
-    methods = tuple(MethodRecord(row, "", (), entry) for row, entry in rows)
-    scenes = tuple(replace(scene_of(i), track=track) for i in range(len(effects)))
-    when = "2026-11-25T00:00:00"
-    return RunRecord("hand", 1, scenes, methods, (metric,), tuple(results), {}, when, 1.0)
-
-
-def of_rows(*rows: str) -> Check:
-    return check_of(rows=rows, quantity=Quantity(METRIC))
-
-
-def noise_of(rows: Sequence[tuple[str, str]], effects: np.ndarray) -> CheckResult:
-    return judged(fits_of(rows, effects), of_rows(*(row for row, _ in rows))).checks[0]
-
-
-def test_rows_that_were_measured_have_the_noise_of_their_difference() -> None:
-    """By seed, scene by scene: fits of two rows with one seed may err alike."""
-    found = noise_of([("sunfaded", "sunfaded"), ("darkgs", "darkgs")], 1 + 20 * SPREAD)
-    table = measured()
-    gaps = [np.array(table["sunfaded"][s]) - np.array(table["darkgs"][s]) for s in table["darkgs"]]
-    assert found.seed_sd == pytest.approx(deviation(np.array(gaps)))
-    assert found.noise_from == "sunfaded, darkgs in noise-dark"
-
-
-def test_rows_of_a_measured_method_are_as_noisy_as_its_noisiest_row() -> None:
-    found = noise_of([("mine", "sunfaded"), ("theirs", "darkgs")], 1 + 20 * SPREAD)
-    largest = max("sunfaded", "sunfaded-no-prior", key=spread_of_row)
-    expected = math.hypot(spread_of_row(largest), spread_of_row("darkgs"))
-    assert found.seed_sd == pytest.approx(expected)
-    assert found.noise_from == f"{largest}, darkgs in noise-dark, standing in for these rows"
-    assert found.scene_sd == pytest.approx(math.sqrt(np.var(20 * SPREAD, ddof=1) - expected**2))
-
-
-def test_rows_of_a_method_that_nobody_measured_are_as_noisy_as_any() -> None:
-    found = noise_of([("mine", "new")], 1 + 20 * SPREAD)
-    noisiest = max(measured(), key=spread_of_row)
-    assert found.seed_sd == pytest.approx(spread_of_row(noisiest))
-    assert found.noise_from == f"{noisiest} in noise-dark, standing in for these rows"
-
-
-def test_noise_of_others_is_no_more_than_all_that_scenes_spread() -> None:
-    """Scenes that agree within less than one fit's noise show that fits of these rows err alike."""
-    effects = 1 + SPREAD / 10
-    found = noise_of([("mine", "sunfaded"), ("theirs", "darkgs")], effects)
-    assert math.hypot(spread_of_row("sunfaded"), spread_of_row("darkgs")) > effects.std(ddof=1)
-    assert found.seed_sd == pytest.approx(effects.std(ddof=1))
-    assert found.scene_sd == pytest.approx(0, abs=1e-9)
-    assert found.noise_from.startswith("all of the spread between scenes, which is below that of ")
-
-
-@pytest.mark.parametrize(
-    ("metric", "run"), [(METRIC, "multilight"), ("albedo.leakage.highlight", "multilight-highlights")]
-)
-def test_a_score_that_a_run_of_the_track_lacks_has_the_noise_of_the_next(metric: str, run: str) -> None:
-    """Scenes of the first run have no highlights; all that they have is read from them."""
-    table = measured(metric, run)["gsid"]
-    fits = fits_of([("gsid", "gsid")], 20 * SPREAD, metric, "multilight", 1500)
-    check = check_of(rows=("gsid",), quantity=Quantity(metric), against=0.1)
-    (found,) = judged(fits, check, track="multilight").checks
-    assert found.seed_sd == pytest.approx(deviation(np.array(list(table.values()))))
-    assert found.noise_from == f"gsid in noise-{run}"
-
-
-@pytest.mark.parametrize("wide", [0.5, 1.0, 20.0])
-def test_noise_measured_elsewhere_is_never_above_all_that_scenes_spread(wide: float) -> None:
-    """Measured on fits of the same rows, its variance is drawn, up to the whole spread of these scenes."""
-    rows = [("sunfaded", "sunfaded"), ("darkgs", "darkgs")]
-    table = measured()
-    gaps = np.array([np.array(table["sunfaded"][s]) - np.array(table["darkgs"][s]) for s in table["darkgs"]])
-    noise, freedom = deviation(gaps), gaps.size - len(gaps)
-    effects = wide * noise * (0.55 + SPREAD)
-    found = judged(fits_of(rows, effects), of_rows("sunfaded", "darkgs"))
-    assert found.checks[0].seed_sd == pytest.approx(noise)
-    most = effects.var(ddof=1)
-    expected = share_above(effects, noise, freedom, had=1, seeds=1, most=most)
-    assert found.stability == pytest.approx(expected, abs=0.04)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keep the scores of a run of a suite ``noise-<track>…`` where verdicts read the noise of fits from.
+"""Keep the scores of a run of a suite of noise where verdicts read the noise of fits from.
 
 ``graycard bench noise-dark && python tests/helpers/fit_noise.py runs/noise-dark``. Single views and what was
 not scored are left out.
@@ -10,6 +10,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from graycard import TRACKS
 from graycard.benchmarks.claims._noise import FOLDER
 from graycard.io import to_builtins, write_bytes
 from graycard.records import JobResult, RunRecord, Score, read_run
@@ -39,8 +40,8 @@ def main(folder: str) -> None:
     """
     run = read_run(Path(folder))
     kind, _, name = run.suite.partition("-")
-    if kind != "noise":
-        raise SystemExit(f"expected a run of a suite noise-<track>…, got {run.suite}")
+    if kind != "noise" or name.split("-")[0] not in TRACKS:
+        raise SystemExit(f"expected a run of a suite noise-<track> or noise-<track>-<what>, got {run.suite}")
     data = to_builtins(trimmed(run))
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     write_bytes(FOLDER / name / "run.json", text.encode() + b"\n")

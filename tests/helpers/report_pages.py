@@ -8,9 +8,6 @@ from typing import Any
 from playwright.sync_api import Browser, Page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-FRAMES = """new Promise((done) => {
-  requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(done)));
-})"""
 SCENE = "track-1-scene-1"
 """The part of the first scene of a report."""
 
@@ -45,5 +42,6 @@ def open_all(page: Page) -> None:
 
 
 def settle(page: Page) -> None:
-    """Wait until what was asked for is drawn."""
-    page.evaluate(FRAMES)
+    """Wait for three frames: what was asked for is drawn then."""
+    frame = "await new Promise(requestAnimationFrame);"
+    page.evaluate(f"async () => {{ {3 * frame} }}")

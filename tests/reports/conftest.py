@@ -199,13 +199,13 @@ def tiny_run(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Pa
 
 @pytest.fixture(scope="session")
 def report_path(tiny_run: Path) -> Path:
-    """The page of that run."""
+    """The path of the page of the shared run."""
     return write_report(tiny_run)
 
 
 @pytest.fixture
 def heard() -> list[str]:
-    """What pages say that must not: messages of the console, and requests to elsewhere."""
+    """Messages of the console and requests to other hosts, of which a page makes none."""
     return []
 
 

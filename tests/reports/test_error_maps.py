@@ -13,11 +13,10 @@ from skimage.metrics import structural_similarity
 
 from graycard import srgb_encode
 from graycard.eval.measures._depth import depth_errors, relative_depth_errors
-from report_pages import CHROMIUM, open_report
+from report_pages import CHROMIUM, SCENE, open_report
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
 
-SCENE = "track-1-scene-1"
 SHARE = {"truth": {"picture": {"code": "share"}}, "unit": "1", "error_scale": {"unit": "linear difference"}}
 LIGHT = {
     "truth": {"picture": {"code": "light"}},

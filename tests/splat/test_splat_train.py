@@ -295,7 +295,7 @@ def test_progress_counts_steps_from_where_a_fit_went_on(tmp_path: Path):
             far_from_zero,
             lambda done, doing, told=told: told.append(doing),
         )
-        assert told == [f"fitting 5 surfels, {words}" for words in expected]
+        assert told == [f"fitting, {words}, 5 surfels" for words in expected]
 
 
 def test_fits_that_depend_on_the_same_share_a_folder(tmp_path: Path):

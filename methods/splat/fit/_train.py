@@ -112,8 +112,8 @@ def train(state: FitState, config: TrainConfig, objective: Objective, progress: 
     config = replace(config, misplaced=on_device(config.misplaced, device))
     began = time.perf_counter()
     while state.step < config.last:
-        at = f"step {state.step + 1:,} of {config.steps:,}"
-        progress(state.step / config.steps, f"fitting {len(state.parameters):,} surfels, {at}")
+        doing = f"fitting, step {state.step + 1:,} of {config.steps:,}, {len(state.parameters):,} surfels"
+        progress(state.step / config.steps, doing)
         state = train_step(state, config, objective)
         ends = state.step == config.last
         if config.checkpoint is not None and (ends or state.step % config.checkpoint.every == 0):
