@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of fits that were repeated on tuning scenes, read straight from the files."""
+"""The noise of fits that were repeated on tuning scenes, beside what their files say."""
 
 import json
 import math

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The noise of fits and the share of refits with the same verdict, beside computations of their own."""
+"""The noise of a run's own fits and the share of refits with one verdict, beside other computations."""
 
 import math
 from collections.abc import Mapping
@@ -22,10 +22,7 @@ from graycard.benchmarks.claims._effects import Levels, Sample, summarise
 from graycard.benchmarks.claims._noise import FitNoise
 from graycard.benchmarks.claims._rules import verdict_of
 from graycard.benchmarks.claims._stability import Deciding, Judged
-from graycard.records import (
-    MethodRecord,
-    RunRecord,
-)
+from graycard.records import MethodRecord, RunRecord
 from refits_by_hand import deviation, refits, share_above
 from runs_by_hand import result_of, scene_of
 
