@@ -30,6 +30,7 @@ from graycard.benchmarks.validity._record import (
 from graycard.benchmarks.validity._secret import secret_breaches
 from graycard.benchmarks.validity._suite import Standard, part_of, standard_of, suite_breaches
 from graycard.io import silent
+from graycard.processes import named, narrowed
 from graycard.records import RunRecord, read_run
 
 RULES: dict[str, str] = {
@@ -48,6 +49,16 @@ RULES: dict[str, str] = {
     "scores": "scoring the predictions again gives the same scores (only with --rescore)",
 }
 """Meaning of each rule, in words."""
+
+
+_WALKS: Mapping[str, Callable[[RunRecord, Path, Progress], list[Breach]]] = {
+    "scenes": scene_breaches,
+    "predictions": hash_breaches,
+    "views": view_breaches,
+    "gauges": gauge_breaches,
+    "scores": score_breaches,
+}
+"""Looks at files, each of which takes long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,16 +116,13 @@ def check_result(
         lambda record, run: _of_suite(record, run, standard),
         edition_breaches,
         lambda record, run: secret_breaches(record, run, standard.suite, salt),
-        scene_breaches,
-        hash_breaches,
-        view_breaches,
-        gauge_breaches,
-        *([score_breaches] if rescore else []),
     ]
-    found: list[Breach] = []
-    for done, look in enumerate(looks):
-        progress(done / len(looks), "checking")
-        found += look(record, run)
+    walks = _WALKS if rescore else {what: walk for what, walk in _WALKS.items() if what != "scores"}
+    progress(0.0, "checking the record")
+    found = [breach for look in looks for breach in look(record, run)]
+    for number, (what, walk) in enumerate(walks.items()):
+        share = narrowed(progress, number / len(walks), (number + 1) / len(walks))
+        found += walk(record, run, named(share, f"checking {what}"))
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
     seen = len(record.results), ways_of(record), tellers_of(record), record.submitted

@@ -3,10 +3,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from graycard import DatasetError, GraycardError, open_truth
+from graycard import DatasetError, GraycardError, Progress, open_truth
 from graycard.benchmarks._jobs import DONE, PROTOCOLS, SCORES, Done, Scored
 from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.eval import in_every_view, judged_mask, score_predictions, training_gauges
@@ -16,10 +17,19 @@ from graycard.records import JobResult, RunRecord, SceneRecord, job_folder
 
 _PARTS = ("capture", "truth")
 
+T = TypeVar("T")
 
-def scene_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+
+def _told(items: Sequence[T], progress: Progress) -> Iterator[T]:
+    """Yield items, and say before each how many are done."""
+    for done, item in enumerate(items):
+        progress(done / len(items), f"{done:,} of {len(items):,}")
+        yield item
+
+
+def scene_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Scenes that are gone, damaged, or other than those that were measured."""
-    return [breach for scene in run.scenes for breach in _scene(scene, folder)]
+    return [breach for scene in _told(run.scenes, progress) for breach in _scene(scene, folder)]
 
 
 def _scene(scene: SceneRecord, run: Path) -> Iterator[Breach]:
@@ -48,11 +58,12 @@ def _truth(scene: SceneRecord, manifest: Manifest, digest: str) -> Iterator[Brea
         yield Breach("seeds", where, what)
 
 
-def hash_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+def hash_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Predictions, scores and fits that are gone, or other than those of ``run.json``."""
     scenes = {(s.track, s.scene): s for s in run.scenes}
     found: list[Breach] = []
-    for result in (r for r in run.results if r.status == "done" and r.sheet):
+    done = [result for result in run.results if result.status == "done" and result.sheet]
+    for result in _told(done, progress):
         scene = scenes.get((result.job.track, result.job.scene))
         found += [*_predictions(result, folder), *_records(result, folder)]
         found += _depends(result, scene, folder) if scene else ()
@@ -99,10 +110,10 @@ def _depends(result: JobResult, scene: SceneRecord, run: Path) -> Iterator[Breac
         )
 
 
-def view_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+def view_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Held-out views that see something and are in no score, though every method may have left them out."""
     found = []
-    for scene in run.scenes:
+    for scene in _told(run.scenes, progress):
         try:
             seen = _views_that_see(folder / scene.folder)
         except GraycardError:
@@ -134,11 +145,11 @@ def _views(result: JobResult, seen: Mapping[bool, set[str]]) -> Iterator[Breach]
             yield Breach("counts", place_of(result), what)
 
 
-def gauge_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+def gauge_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Gauges other than those that the training views give."""
     scenes = {(s.track, s.scene): folder / s.folder for s in run.scenes}
     found: list[Breach] = []
-    for result in run.results:
+    for result in _told(run.results, progress):
         scene = scenes.get((result.job.track, result.job.scene))
         if scene and result.sheet:
             found += _gauges(result, scene, folder)
@@ -174,11 +185,11 @@ def _agree(one: Sequence[float] | None, other: Sequence[float] | None) -> bool:
     )
 
 
-def score_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+def score_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Score sheets other than those that scoring the predictions again gives."""
     scenes = {(s.track, s.scene): folder / s.folder for s in run.scenes}
     found = []
-    for result in (r for r in run.results if r.sheet):
+    for result in _told([result for result in run.results if result.sheet], progress):
         scene = scenes.get((result.job.track, result.job.scene))
         try:
             again = score_predictions(job_folder(folder, result) / "predictions", scene or folder, PROTOCOLS)

@@ -37,6 +37,16 @@ def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[st
     assert closed.endswith((f" in 6 fits ({way}{SECCOMP}+{AUDIT_HOOK})", f" in 6 fits ({way}{AUDIT_HOOK})"))
 
 
+def test_progress_says_which_files_are_checked(made_run: Path):
+    heard: list[tuple[float, str]] = []
+    check_result(made_run, lambda done, doing: heard.append((done, doing)), rescore=True)
+    shares = [done for done, _ in heard]
+    assert shares == sorted(shares)
+    assert shares[-1] < 1
+    told = {doing for _, doing in heard}
+    assert {"checking scenes: 1 of 2", "checking gauges: 5 of 6", "checking scores: 0 of 6"} < told
+
+
 def test_a_run_of_an_installation_without_extras_is_valid(run: Path):
     """``make bench`` installs what the project requires; extras are recorded only where they are there."""
     lines = requires("graycard") or []
