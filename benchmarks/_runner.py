@@ -154,7 +154,7 @@ def run_bench(
     Args:
         suite: What to run.
         run: The run folder; what is there and whole is reused.
-        jobs: Number of fits at a time.
+        jobs: Number of fits at a time, and of scenes where memory allows.
         progress: Called after each job.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
         limits: Of each fit and each scoring; time of stages that a fit found done is left out.
@@ -373,12 +373,12 @@ def _keep(suite: Suite, run: Path) -> str:
 
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
-    """Render scenes, on this machine one after the other: Mitsuba itself takes all cores."""
+    """Render scenes, on this machine at most as many at a time as fits."""
     machines = bench.terms.machines
     threads = machines.threads if machines else usable_cores()
     given = bench.dataset, threads, bench.run
     jobs = [RenderJob(spec, bench.suite.render_of(spec), *given) for spec in specs]
-    folders = render_scenes(jobs, bench.run_all, machines, bench.part(0, "rendering"))
+    folders = render_scenes(jobs, bench.run_all, machines, bench.part(0, "rendering"), bench.jobs)
     check_seen(folder / "truth" / "manifest.json" for folder in folders)
     return list(zip(specs, folders, strict=True))
 

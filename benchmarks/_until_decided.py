@@ -57,7 +57,7 @@ def run_until_decided(
     Args:
         suite: What to run; its reserve has the scenes that are added, one of each kind a look.
         run: The run folder; what is there and whole is reused.
-        jobs: Number of fits at a time.
+        jobs: Number of fits at a time, and of scenes where memory allows.
         progress: Called after each job.
         plan: How far it may go; the same at every call on a folder.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes are cut into parts where workers would else be idle."""
+"""Scenes are rendered side by side, and cut into parts where workers would else be idle."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -26,6 +28,7 @@ class Workers:
     def __init__(self, count: int, pictures: int = 10, fails: bool = False) -> None:
         self.count, self.pictures, self.fails = count, pictures, fails
         self.given: list[tuple[Callable[..., Outcome], list[Any]]] = []
+        self.at_a_time: list[int] = []
 
     def jobs_at_a_time(self) -> int:
         return self.count
@@ -39,6 +42,7 @@ class Workers:
         *_: object,
     ) -> list[Outcome]:
         self.given.append((work, list(jobs)))
+        self.at_a_time.append(at_a_time)
         progress(0.0, "0 of 1")
         progress(1.0, "1 of 1")
         if self.fails:
@@ -115,6 +119,47 @@ def test_scenes_are_whole_jobs_where_they_are_enough_or_there_is_one_machine(
     workers = Workers(2)
     render(workers, scenes(count, tmp_path), machines=machines)
     assert [work for work, _ in workers.given] == [run_render]
+
+
+@pytest.mark.parametrize(
+    ("count", "cores", "most", "at_a_time", "threads"),
+    [(6, 2, 2, 2, 1), (6, 16, 16, 6, 3), (1, 8, 8, 1, 8), (3, 2, 8, 2, 1), (5, 8, 3, 3, 3), (4, 4, 1, 1, 4)],
+)
+def test_one_machine_renders_scenes_side_by_side(
+    count: int, cores: int, most: int, at_a_time: int, threads: int, tmp_path: Path
+):
+    """Each core has a thread at least, and ``--jobs`` is kept to."""
+    workers = Workers(1)
+    jobs = [replace(job, threads=cores) for job in scenes(count, tmp_path)]
+    render_scenes(jobs, workers.run_all, None, silent, most)
+    assert workers.at_a_time == [at_a_time]
+    assert [job.threads for job in workers.given[0][1]] == [threads] * count
+
+
+@pytest.mark.parametrize(
+    ("gib", "pixels", "at_a_time"), [(16, 112, 8), (16, 512, 3), (6, 112, 5), (0.5, 112, 1)]
+)
+def test_no_more_scenes_are_rendered_at_a_time_than_memory_allows(
+    gib: float, pixels: int, at_a_time: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    free = SimpleNamespace(available=int(gib * 2**30))
+    monkeypatch.setattr("psutil.virtual_memory", lambda: free)
+    workers, settings = Workers(1), replace(SETTINGS, width=pixels, height=pixels)
+    jobs = [replace(job, threads=8, settings=settings) for job in scenes(8, tmp_path)]
+    render_scenes(jobs, workers.run_all, None, silent, 8)
+    assert workers.at_a_time == [at_a_time]
+
+
+def test_scenes_that_are_there_leave_all_threads_to_the_one_that_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    there = Outcome(reused=True, value=Path("there"))
+    monkeypatch.setattr(_rendering, "find_rendered", lambda job: there if job.spec.seed else None)
+    workers = Workers(1)
+    jobs = [replace(job, threads=4) for job in scenes(4, tmp_path)]
+    render_scenes(jobs, workers.run_all, None, silent, 4)
+    assert workers.at_a_time == [1]
+    assert {job.threads for job in workers.given[0][1]} == {4}
 
 
 def test_scenes_that_are_there_are_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -64,7 +64,7 @@ class BenchCommand:
     compositions: bool = True
     """Also fit the scenes that objects come from, and put them in, where rows of the suite compose."""
     jobs: Annotated[int | None, optional("INT")] = None
-    """Fits at a time; as many as there are cores by default."""
+    """Fits at a time, and scenes where memory allows; as many as there are cores by default."""
     timeout: Timeout = None
     """Seconds after which a fit has failed, stages that it found done left out; a day by default."""
     memory: Memory = None
