@@ -6,6 +6,9 @@ between (LeGendre et al. 2019 judge lighting by such spheres). A difference of t
 ruled by the few pixels of a sun.
 """
 
+from functools import cache
+from typing import Final
+
 import numpy as np
 
 from graycard import luminance
@@ -19,6 +22,8 @@ CELLS = 32, 64
 """Rows and columns of directions in which the light that matte and glossy surfaces receive is summed up."""
 GRAY = 0.18
 """Mean luminance that the true diffuse sphere is shown with."""
+_TOWARDS: Final = np.array([0.0, -1.0, 0.0])
+"""Direction of the camera."""
 
 
 def render_spheres(environment: np.ndarray) -> dict[str, np.ndarray]:
@@ -34,16 +39,21 @@ def render_spheres(environment: np.ndarray) -> dict[str, np.ndarray]:
         of 1; a Lambertian surface of reflectance 1.
     """
     values = np.asarray(environment, np.float64)
-    normals = sphere_normals()
-    towards = np.array([0.0, -1.0, 0.0])
-    received, directions = _cells(values)
+    normals, received = sphere_normals(), _light_of_cells(values)
+    mirrored = 2 * (normals @ _TOWARDS)[:, None] * normals - _TOWARDS
+    glossy, diffuse = _reflected()
+    return {"mirror": _look_up(values, mirrored), "glossy": glossy @ received, "diffuse": diffuse @ received}
+
+
+@cache
+def _reflected() -> tuple[np.ndarray, np.ndarray]:
+    """Return how much of each cell's light the pixels of the glossy and the diffuse sphere show, 1/sr.
+
+    Each has shape ``(N, M)``. They are the same under every environment, and take far longer than the rest.
+    """
+    normals, directions = sphere_normals(), _directions_of_cells()
     cosine = np.maximum(normals @ directions.T, 0)
-    mirrored = 2 * (normals @ towards)[:, None] * normals - towards
-    return {
-        "mirror": _look_up(values, mirrored),
-        "glossy": (_ggx(normals, directions, towards) * cosine) @ received,
-        "diffuse": cosine / np.pi @ received,
-    }
+    return _ggx(normals, directions, _TOWARDS) * cosine, cosine / np.pi
 
 
 def sphere_normals() -> np.ndarray:
@@ -78,18 +88,23 @@ def exposure_for(diffuse: np.ndarray) -> float:
     return GRAY / mean if mean > 0 else 1.0
 
 
-def _cells(environment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the light of each cell, ``(N, 3)``, radiance times sr, and its direction, ``(N, 3)``, unit.
+def _light_of_cells(environment: np.ndarray) -> np.ndarray:
+    """Return the light of each cell, ``(M, 3)``, radiance times sr.
 
     Solid angle is d(cos t) dp: what a pixel shares with a cell is exact for images of any size.
     """
     (height, width), (rows, columns) = environment.shape[:2], CELLS
     down = _shared(np.cos(np.pi * np.arange(rows + 1) / rows), np.cos(np.pi * np.arange(height + 1) / height))
     around = _shared(np.arange(columns + 1) / columns, np.arange(width + 1) / width) * 2 * np.pi
-    light = np.einsum("ih,hwc,jw->ijc", down, environment, around, optimize=True).reshape(-1, 3)
+    return np.einsum("ih,hwc,jw->ijc", down, environment, around, optimize=True).reshape(-1, 3)
+
+
+def _directions_of_cells() -> np.ndarray:
+    """Return the direction of each cell's centre, shape ``(M, 3)``, unit."""
+    rows, columns = CELLS
     t, p = np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns
     t, p = (a.ravel() for a in np.meshgrid(t, p, indexing="ij"))
-    return light, np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    return np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
 
 
 def _shared(cells: np.ndarray, pixels: np.ndarray) -> np.ndarray:
