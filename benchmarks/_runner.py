@@ -373,7 +373,7 @@ def _keep(suite: Suite, run: Path) -> str:
 
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
-    """Render scenes, on this machine at most as many at a time as fits."""
+    """Render scenes; on this machine no more at a time than ``--jobs`` says."""
     machines = bench.terms.machines
     threads = machines.threads if machines else usable_cores()
     given = bench.dataset, threads, bench.run

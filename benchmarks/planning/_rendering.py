@@ -20,7 +20,7 @@ from graycard.benchmarks._jobs import (
 from graycard.benchmarks._run_record import RunError
 from graycard.machines import Machines
 from graycard.processes import Outcome, named, narrowed
-from graycard.synth import scene_name
+from graycard.synth import RenderSettings, scene_name
 
 _LEAST = 4
 """Pictures of a part at least: a worker takes seconds to import Mitsuba and to compile its kernels."""
@@ -29,9 +29,12 @@ _PARTS_EACH = 2
 _SCENES_EACH = 2
 """Scenes for each worker that are enough: few workers are then idle at the end."""
 
-_BYTES, _BYTES_A_PIXEL = 2**30, 14 * 2**10
-"""Memory that it takes to render a scene, rounded up: 0.6 GiB were measured at 112 x 112 pixels, and 3.6 GiB
-at 512 x 512."""
+_BYTES, _BYTES_A_PIXEL, _BYTES_A_PATH = 2**30, 2**13, 120
+"""Memory that it takes to render any scene; for each pixel more; and for each light path of a pixel.
+
+Rounded up from 0.6 GiB at 112 x 112 pixels with 64 paths, 3.6 at 512 x 512 with 64, and 2.8 at 256 x 256 with
+400.
+"""
 
 _IN_PARTS, _BEGUN = 0.9, 0.05
 """Shares of progress: of all at which the parts are done, and of the parts at which scenes are begun."""
@@ -42,7 +45,7 @@ def render_scenes(
     run_all: Callable[..., list[Outcome]],
     machines: Machines | None,
     progress: Progress,
-    most: int = 1,
+    most: int,
 ) -> list[Path]:
     """Render scenes that are not there, and return the folders of all.
 
@@ -56,32 +59,49 @@ def render_scenes(
     Raises:
         RunError: A scene could not be rendered.
     """
-    at_a_time = 1
     if machines is None:
-        at_a_time = _side_by_side(jobs, most)
-        jobs = [replace(job, threads=ceil(job.threads / at_a_time)) for job in jobs]
-    elif absent := _to_cut(jobs, workers := machines.jobs_at_a_time()):
-        _render_parts(absent, run_all, workers, narrowed(progress, 0.0, _IN_PARTS))
-        progress = narrowed(progress, _IN_PARTS, 1.0)
-    outcomes = run_all(run_render, jobs, at_a_time, progress, find_rendered)
+        outcomes = _rendered_here(jobs, run_all, progress, most)
+    else:
+        if absent := _to_cut(jobs, workers := machines.jobs_at_a_time()):
+            _render_parts(absent, run_all, workers, narrowed(progress, 0.0, _IN_PARTS))
+            progress = narrowed(progress, _IN_PARTS, 1.0)
+        outcomes = run_all(run_render, jobs, 1, progress, find_rendered)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
             raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
     return [outcome.value for outcome in outcomes]
 
 
-def _side_by_side(jobs: list[RenderJob], most: int) -> int:
-    """Return how many scenes this machine renders at a time.
+def _rendered_here(
+    jobs: list[RenderJob], run_all: Callable[..., list[Outcome]], progress: Progress, most: int
+) -> list[Outcome]:
+    """Render several scenes at a time on this machine, and share its threads among them.
 
     Much of a scene is done by one thread alone: Mitsuba traces a kernel before it runs, and files are
-    written.
+    written. The last scenes share all threads, too.
     """
-    absent = [job for job in jobs if find_rendered(job) is None]
+    found = {job.words: find_rendered(job) for job in jobs}  # reads every file of a scene
+    absent = [job for job in jobs if found[job.words] is None]
+    at_a_time = _side_by_side(absent, most)
+    last = absent[len(absent) - len(absent) % at_a_time :]
+    shared = [
+        replace(job, threads=ceil(job.threads / (len(last) if job in last else at_a_time))) for job in jobs
+    ]
+    return run_all(run_render, shared, at_a_time, progress, lambda job: found[job.words])
+
+
+def _side_by_side(absent: list[RenderJob], most: int) -> int:
+    """Return how many of the scenes that are not there this machine renders at a time."""
     if not absent:
         return 1
-    pixels = max(job.settings.width * job.settings.height for job in absent)
-    room = psutil.virtual_memory().available // (_BYTES + _BYTES_A_PIXEL * pixels)
+    room = psutil.virtual_memory().available // max(_memory(job.settings) for job in absent)
     return max(1, min(most, len(absent), max(job.threads for job in absent), room))
+
+
+def _memory(settings: RenderSettings) -> int:
+    """Return the bytes that it takes at most to render a scene."""
+    paths = max(settings.samples, settings.training_samples)
+    return _BYTES + settings.width * settings.height * (_BYTES_A_PIXEL + _BYTES_A_PATH * paths)
 
 
 def _to_cut(jobs: list[RenderJob], workers: int) -> list[RenderJob]:

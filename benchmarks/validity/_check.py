@@ -58,7 +58,7 @@ _WALKS: Mapping[str, Callable[[RunRecord, Path, Progress], list[Breach]]] = {
     "gauges": gauge_breaches,
     "scores": score_breaches,
 }
-"""Looks at files, each of which takes long."""
+"""Checks that read many files, by what they read. Each takes long."""
 
 
 @dataclass(frozen=True, slots=True)

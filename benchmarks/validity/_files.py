@@ -20,16 +20,16 @@ _PARTS = ("capture", "truth")
 T = TypeVar("T")
 
 
-def _told(items: Sequence[T], progress: Progress) -> Iterator[T]:
+def _told(items: Sequence[T], unit: str, progress: Progress) -> Iterator[T]:
     """Yield items, and say before each how many are done."""
     for done, item in enumerate(items):
-        progress(done / len(items), f"{done:,} of {len(items):,}")
+        progress(done / len(items), f"{done:,} of {len(items):,} {unit}")
         yield item
 
 
 def scene_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Scenes that are gone, damaged, or other than those that were measured."""
-    return [breach for scene in _told(run.scenes, progress) for breach in _scene(scene, folder)]
+    return [breach for scene in _told(run.scenes, "scenes", progress) for breach in _scene(scene, folder)]
 
 
 def _scene(scene: SceneRecord, run: Path) -> Iterator[Breach]:
@@ -63,7 +63,7 @@ def hash_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Brea
     scenes = {(s.track, s.scene): s for s in run.scenes}
     found: list[Breach] = []
     done = [result for result in run.results if result.status == "done" and result.sheet]
-    for result in _told(done, progress):
+    for result in _told(done, "fits", progress):
         scene = scenes.get((result.job.track, result.job.scene))
         found += [*_predictions(result, folder), *_records(result, folder)]
         found += _depends(result, scene, folder) if scene else ()
@@ -113,7 +113,7 @@ def _depends(result: JobResult, scene: SceneRecord, run: Path) -> Iterator[Breac
 def view_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Breach]:
     """Held-out views that see something and are in no score, though every method may have left them out."""
     found = []
-    for scene in _told(run.scenes, progress):
+    for scene in _told(run.scenes, "scenes", progress):
         try:
             seen = _views_that_see(folder / scene.folder)
         except GraycardError:
@@ -149,7 +149,7 @@ def gauge_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Bre
     """Gauges other than those that the training views give."""
     scenes = {(s.track, s.scene): folder / s.folder for s in run.scenes}
     found: list[Breach] = []
-    for result in _told(run.results, progress):
+    for result in _told(run.results, "fits", progress):
         scene = scenes.get((result.job.track, result.job.scene))
         if scene and result.sheet:
             found += _gauges(result, scene, folder)
@@ -189,7 +189,7 @@ def score_breaches(run: RunRecord, folder: Path, progress: Progress) -> list[Bre
     """Score sheets other than those that scoring the predictions again gives."""
     scenes = {(s.track, s.scene): folder / s.folder for s in run.scenes}
     found = []
-    for result in _told([result for result in run.results if result.sheet], progress):
+    for result in _told([result for result in run.results if result.sheet], "fits", progress):
         scene = scenes.get((result.job.track, result.job.scene))
         try:
             again = score_predictions(job_folder(folder, result) / "predictions", scene or folder, PROTOCOLS)

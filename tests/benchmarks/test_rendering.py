@@ -10,13 +10,13 @@ from typing import Any, cast
 import pytest
 
 from graycard import Progress
-from graycard.benchmarks import RunError
+from graycard.benchmarks import RunError, Terms, _runner, load_suite
 from graycard.benchmarks._jobs import PartJob, RenderJob, run_begin, run_part, run_render
 from graycard.benchmarks.planning import _rendering
 from graycard.benchmarks.planning._rendering import cut, part_size, render_scenes
 from graycard.io import silent
 from graycard.machines import Machines
-from graycard.processes import Outcome
+from graycard.processes import USUAL, Outcome
 from graycard.synth import RenderSettings, SceneSpec
 
 SETTINGS = RenderSettings(20, 16, 3, 1, 16, 3)
@@ -57,7 +57,7 @@ def scenes(count: int, dataset: Path) -> list[RenderJob]:
 
 
 def render(workers: Workers, jobs: list[RenderJob], *, machines: bool = True) -> list[Path]:
-    return render_scenes(jobs, workers.run_all, cast(Machines, workers) if machines else None, silent)
+    return render_scenes(jobs, workers.run_all, cast(Machines, workers) if machines else None, silent, 1)
 
 
 def test_one_scene_is_rendered_by_all_workers(tmp_path: Path):
@@ -92,7 +92,7 @@ def test_progress_grows_and_says_what_is_done(count: int, told: list[tuple[float
     heard: list[tuple[float, str]] = []
     workers = Workers(4)
     jobs, machines = scenes(count, tmp_path), cast(Machines, workers)
-    render_scenes(jobs, workers.run_all, machines, lambda done, what: heard.append((done, what)))
+    render_scenes(jobs, workers.run_all, machines, lambda done, what: heard.append((done, what)), 1)
     assert [(pytest.approx(done), f"{what} of 1") for done, what in told] == heard
 
 
@@ -121,45 +121,91 @@ def test_scenes_are_whole_jobs_where_they_are_enough_or_there_is_one_machine(
     assert [work for work, _ in workers.given] == [run_render]
 
 
+@pytest.fixture
+def memory(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """``memory(gib)`` leaves so much of the machine's."""
+
+    def leave(gib: float) -> None:
+        monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=int(gib * 2**30)))
+
+    return leave
+
+
 @pytest.mark.parametrize(
     ("count", "cores", "most", "at_a_time", "threads"),
-    [(6, 2, 2, 2, 1), (6, 16, 16, 6, 3), (1, 8, 8, 1, 8), (3, 2, 8, 2, 1), (5, 8, 3, 3, 3), (4, 4, 1, 1, 4)],
+    [
+        (6, 2, 2, 2, [1] * 6),
+        (6, 16, 16, 6, [3] * 6),
+        (1, 8, 8, 1, [8]),
+        (3, 2, 8, 2, [1, 1, 2]),
+        (5, 8, 3, 3, [3, 3, 3, 4, 4]),
+        (4, 4, 1, 1, [4] * 4),
+    ],
 )
 def test_one_machine_renders_scenes_side_by_side(
-    count: int, cores: int, most: int, at_a_time: int, threads: int, tmp_path: Path
+    count: int,
+    cores: int,
+    most: int,
+    at_a_time: int,
+    threads: list[int],
+    memory: Callable[[float], None],
+    tmp_path: Path,
 ):
-    """Each core has a thread at least, and ``--jobs`` is kept to."""
+    """``--jobs`` is kept to, and the last scenes share all threads, too."""
+    memory(1000)
     workers = Workers(1)
     jobs = [replace(job, threads=cores) for job in scenes(count, tmp_path)]
     render_scenes(jobs, workers.run_all, None, silent, most)
     assert workers.at_a_time == [at_a_time]
-    assert [job.threads for job in workers.given[0][1]] == [threads] * count
+    assert [job.threads for job in workers.given[0][1]] == threads
 
 
 @pytest.mark.parametrize(
-    ("gib", "pixels", "at_a_time"), [(16, 112, 8), (16, 512, 3), (6, 112, 5), (0.5, 112, 1)]
+    ("gib", "pixels", "samples", "at_a_time"),
+    [(16, 112, 64, 8), (16, 512, 64, 3), (16, 512, 400, 1), (6, 112, 64, 5), (0.5, 112, 64, 1)],
 )
 def test_no_more_scenes_are_rendered_at_a_time_than_memory_allows(
-    gib: float, pixels: int, at_a_time: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    gib: float, pixels: int, samples: int, at_a_time: int, memory: Callable[[float], None], tmp_path: Path
 ):
-    free = SimpleNamespace(available=int(gib * 2**30))
-    monkeypatch.setattr("psutil.virtual_memory", lambda: free)
-    workers, settings = Workers(1), replace(SETTINGS, width=pixels, height=pixels)
+    memory(gib)
+    workers, settings = Workers(1), replace(SETTINGS, width=pixels, height=pixels, samples=samples)
     jobs = [replace(job, threads=8, settings=settings) for job in scenes(8, tmp_path)]
     render_scenes(jobs, workers.run_all, None, silent, 8)
     assert workers.at_a_time == [at_a_time]
 
 
-def test_scenes_that_are_there_leave_all_threads_to_the_one_that_is_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_scenes_that_are_there_are_asked_once_and_leave_all_threads_to_the_one_that_is_not(
+    memory: Callable[[float], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    there = Outcome(reused=True, value=Path("there"))
-    monkeypatch.setattr(_rendering, "find_rendered", lambda job: there if job.spec.seed else None)
+    memory(1000)
+    asked: list[int] = []
+
+    def find(job: RenderJob) -> Outcome | None:
+        asked.append(job.spec.seed)
+        return Outcome(reused=True, value=Path("there")) if job.spec.seed else None
+
+    monkeypatch.setattr(_rendering, "find_rendered", find)
     workers = Workers(1)
     jobs = [replace(job, threads=4) for job in scenes(4, tmp_path)]
     render_scenes(jobs, workers.run_all, None, silent, 4)
+    assert asked == [0, 1, 2, 3]
     assert workers.at_a_time == [1]
-    assert {job.threads for job in workers.given[0][1]} == {4}
+    assert workers.given[0][1][0].threads == 4
+
+
+def test_a_bench_renders_as_many_at_a_time_as_jobs_says(
+    memory: Callable[[float], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    memory(1000)
+    workers, suite = Workers(1), load_suite("demo")
+    monkeypatch.setattr(_runner, "run_all", workers.run_all)
+    monkeypatch.setattr(_runner, "usable_cores", lambda: 8)
+    monkeypatch.setattr(_runner, "check_seen", list)
+    bench = _runner.Bench(suite, tmp_path, tmp_path / "dataset", 2, silent, USUAL, None, Terms())
+    rendered = _runner._render(bench, suite.scenes)  # pyright: ignore[reportPrivateUsage]
+    assert [spec for spec, _ in rendered] == list(suite.scenes)
+    assert workers.at_a_time == [2]
+    assert [job.threads for job in workers.given[0][1]] == [4, 4, 8]
 
 
 def test_scenes_that_are_there_are_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

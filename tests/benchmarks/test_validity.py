@@ -44,7 +44,8 @@ def test_progress_says_which_files_are_checked(made_run: Path):
     assert shares == sorted(shares)
     assert shares[-1] < 1
     told = {doing for _, doing in heard}
-    assert {"checking scenes: 1 of 2", "checking gauges: 5 of 6", "checking scores: 0 of 6"} < told
+    assert {"checking views: 1 of 2 scenes", "checking gauges: 5 of 6 fits"} < told
+    assert "checking scores: 0 of 6 fits" in told
 
 
 def test_a_run_of_an_installation_without_extras_is_valid(run: Path):
