@@ -224,7 +224,10 @@ def processes(trial: Trial) -> dict[int, str]:
 
 
 def fingerprint(run: Path) -> dict[str, str]:
-    """Return the hash of each file of a run; of records without times and costs."""
+    """Return the hash of each file of a run; of records without times and costs.
+
+    Costs of scenes are left out: a run has those of the scenes that it rendered in one go.
+    """
     return dict(_fingerprints(run))
 
 
@@ -232,9 +235,9 @@ def _fingerprints(run: Path) -> Iterator[tuple[str, str]]:
     timed: dict[str, Callable[[bytes], bytes]] = {"run.json": _untimed, "job.json": _untimed}
     for path in sorted(run.rglob("*")):
         name = path.relative_to(run).as_posix()
-        if path.is_dir():
+        if path.is_dir() or name.startswith("rendering/"):
             continue
-        shows_times = name.startswith(("report/", "rendering/")) or path.name == "scoring.json"
+        shows_times = name.startswith("report/") or path.name == "scoring.json"
         content = b"" if shows_times else path.read_bytes()
         yield name, hashlib.sha256(timed.get(path.name, bytes)(content)).hexdigest()
 
