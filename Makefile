@@ -1,7 +1,7 @@
 # Everything goes through .venv, which the first target that needs it makes.
 #
 #   make bench [SUITE=demo]   set up, run a suite, say where its report is
-#   make test                 set up, run the tests but for those marked slow
+#   make test [WORKERS=auto]  set up, run the tests but for those marked slow; as many workers as cores
 #   make test-all             run every test
 #   make test-gpu             run the tests for a GPU: the back end cuda, on gsplat's kernels
 #   make coverage             run every test and ask for 90 % coverage
@@ -30,7 +30,8 @@ bench: .venv/installed
 	$(BIN)/graycard bench $(SUITE) --out runs/$(SUITE)
 
 # Tests that share an expensive fixture run in one worker (tests/conftest.py).
-PYTEST := $(BIN)/python -m pytest -n auto --dist loadgroup --durations=25
+WORKERS ?= auto
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --durations=25
 
 test: kernels
 	$(PYTEST) -m "not slow"
