@@ -49,8 +49,8 @@ def render_spheres(environment: np.ndarray) -> dict[str, np.ndarray]:
 def _reflected() -> tuple[np.ndarray, np.ndarray]:
     """Return how much of each cell's light the pixels of the glossy and the diffuse sphere show, 1/sr.
 
-    Each has shape ``(N, M)`` and takes 20 MB. They are the same under every environment, and take far longer
-    than the rest.
+    Each has shape ``(N, M)``, for N pixels and M cells, and takes 20 MB. They are the same under every
+    environment, and take far longer than the rest.
     """
     normals, directions = sphere_normals(), _directions_of_cells()
     cosine = np.maximum(normals @ directions.T, 0)
