@@ -231,11 +231,13 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
 
 
 def run_score(job: FitJob) -> Outcome:
-    """Score the predictions of a job and keep the scores."""
+    """Score the predictions of a job and keep the scores; two processes at one job do it once."""
 
     def work() -> Outcome:
         await_file(job.folder / DONE)
         with _lock(job), _threads(job.threads):
+            if found := find_scores(job):
+                return found
             key, lacking, begun = _score_key(job), tuple(unavailable()), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORES, Scored(key, sheet, (*lacking, *_damaged(sheet))))

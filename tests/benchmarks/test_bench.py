@@ -105,6 +105,19 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     assert last.endswith(str(tiny_run / "report" / "index.html"))
 
 
+def test_scores_that_another_worker_has_just_made_are_kept(write_tiny: Callable[..., Path], tmp_path: Path):
+    """Dask gives a job to a second worker when it has lost the first, which may still be at work."""
+    scene, folder = write_tiny(tmp_path / "dataset"), tmp_path / "jobs/dark/tiny/gray"
+    fit = FitJob(Job("dark", scene.name, "gray", 0, {}, "gray"), "hash", scene, folder, 1, tmp_path / "jobs")
+    assert not run_fit(fit).reason
+    first = run_score(fit)
+    before = {path: path.stat() for path in (folder / "scores.json", folder / "scoring.json")}
+    second = run_score(fit)
+    assert (first.reused, second.reused) == (False, True)
+    assert second.value == first.value
+    assert {path: path.stat() for path in before} == before
+
+
 def test_scores_are_made_anew_when_weights_arrive_or_are_mended(
     write_tiny: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
