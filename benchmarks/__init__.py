@@ -16,7 +16,6 @@ from graycard.benchmarks._runner import run_bench as run_bench
 from graycard.benchmarks._runner import run_part as run_part
 from graycard.benchmarks._sources import commit_at as commit_at
 from graycard.benchmarks._sources import environment as environment
-from graycard.benchmarks._sources import usable_cores as usable_cores
 from graycard.benchmarks._suites import Suite as Suite
 from graycard.benchmarks._suites import SuiteMethod as SuiteMethod
 from graycard.benchmarks._suites import load_suite as load_suite

@@ -5,14 +5,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
-
 from graycard import __version__, absent_packages, install_command
 from graycard.benchmarks._installed import find_installed
-from graycard.benchmarks._sources import cpu_model, git_commit, gpu_name, package_version, usable_cores
+from graycard.benchmarks._sources import cpu_model, git_commit, gpu_name, package_version
 from graycard.io import free_mib, lock_words
 from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
 from graycard.processes import landlock_version
+from graycard.resources import total_memory, usable_cores
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
@@ -47,7 +46,7 @@ def findings(folder: Path) -> list[Finding]:
     return [
         _packages(),
         _renderer(),
-        Finding("processor", f"{cpu_model()}, {usable_cores()} cores, {_memory_gib():.0f} GiB"),
+        Finding("processor", f"{cpu_model()}, {_cores()}, {total_memory() / 2**30:.0f} GiB"),
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
         _weights(),
@@ -78,16 +77,17 @@ def _renderer() -> Finding:
     return Finding("renderer", f"Mitsuba {package_version('mitsuba')}, {variant}", llvm.advice)
 
 
+def _cores() -> str:
+    count = usable_cores()
+    return f"{count} core{'s' * (count != 1)}"
+
+
 def _sandbox() -> Finding:
     """Return what closes truth to fits on this machine."""
     if version := landlock_version():
         return Finding("sandbox", f"Landlock {version}, and an audit hook of Python")
     alone = "an audit hook of Python alone: this kernel has no Landlock"
     return Finding("sandbox", alone, "run methods of strangers in a container (docs/explanation/security.md)")
-
-
-def _memory_gib() -> float:
-    return psutil.virtual_memory().total / 2**30
 
 
 def _weights() -> Finding:

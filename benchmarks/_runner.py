@@ -48,7 +48,7 @@ from graycard.benchmarks._run_record import (
     tidied,
 )
 from graycard.benchmarks._sizes import at_size, scaled
-from graycard.benchmarks._sources import environment, usable_cores
+from graycard.benchmarks._sources import environment
 from graycard.benchmarks._submitted import check_folder
 from graycard.benchmarks._suites import Suite, public
 from graycard.benchmarks.claims import claims_of_suite, judge_run
@@ -60,6 +60,7 @@ from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
 from graycard.records import CLAIMS, COMPARISON, RUN_FILE, SUITE_FILE, Edition, JobResult, RunRecord, Size
+from graycard.resources import usable_cores
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 

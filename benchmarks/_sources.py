@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The origin of numbers: versions, commit, hardware, and the hash of the code that scores."""
 
-import os
 import platform
 import shutil
 import subprocess
@@ -11,11 +10,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import psutil
-
 import graycard
 from graycard.benchmarks._installed import find_installed
 from graycard.io import code_hash, to_builtins
+from graycard.resources import total_memory, usable_cores
 from graycard.synth import find_llvm
 
 PACKAGES = (
@@ -59,7 +57,7 @@ def environment() -> dict[str, Any]:
 
 def hardware() -> dict[str, Any]:
     """Return what this machine is, without its name."""
-    memory = round(psutil.virtual_memory().total / 2**30, 1)
+    memory = round(total_memory() / 2**30, 1)
     return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gib": memory, "gpu": gpu_name()}
 
 
@@ -67,11 +65,6 @@ def _llvm() -> str | None:
     """Return the LLVM that the fast renderer uses here, as in ``19 (pip)``; None without a usable one."""
     llvm = find_llvm()
     return f"{llvm.version} ({llvm.source})" if llvm.usable else None
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def package_version(name: str) -> str | None:

@@ -6,8 +6,6 @@ from dataclasses import replace
 from math import ceil
 from pathlib import Path
 
-import psutil
-
 from graycard import Progress
 from graycard.benchmarks._jobs import (
     PartJob,
@@ -20,6 +18,7 @@ from graycard.benchmarks._jobs import (
 from graycard.benchmarks._run_record import RunError
 from graycard.machines import Machines
 from graycard.processes import Outcome, named, narrowed
+from graycard.resources import available_memory
 from graycard.synth import RenderSettings, scene_name
 
 _LEAST = 4
@@ -94,7 +93,7 @@ def _side_by_side(absent: list[RenderJob], most: int) -> int:
     """Return how many of the scenes that are not there this machine renders at a time."""
     if not absent:
         return 1
-    room = psutil.virtual_memory().available // max(_memory(job.settings) for job in absent)
+    room = available_memory() // max(_memory(job.settings) for job in absent)
     return max(1, min(most, len(absent), max(job.threads for job in absent), room))
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from graycard.benchmarks._sources import usable_cores
+from graycard.resources import usable_cores
 
 QUIET = 0.15
 """Cores that all other processes together may use while a repetition counts."""

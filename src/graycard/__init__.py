@@ -4,10 +4,10 @@
 This door holds the domain: cameras, lights, layers, captures, truth, predictions and errors. The rest of
 the vocabulary has doors of its own: :mod:`graycard.io` (files), :mod:`graycard.records` (scores and runs),
 :mod:`graycard.exchange` (formats of other programs), :mod:`graycard.layers`, :mod:`graycard.lights`,
-:mod:`graycard.colour`, :mod:`graycard.dataset`, :mod:`graycard.predictions`, :mod:`graycard.points` and
-:mod:`graycard.edits`. The stages are packages of their own, none of which is imported here:
-:mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.eval`, :mod:`graycard.benchmarks`,
-:mod:`graycard.reports`.
+:mod:`graycard.colour`, :mod:`graycard.dataset`, :mod:`graycard.predictions`, :mod:`graycard.points`,
+:mod:`graycard.edits` and :mod:`graycard.resources`. The stages are packages of their own, none of which is
+imported here: :mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.eval`,
+:mod:`graycard.benchmarks`, :mod:`graycard.reports`.
 """
 
 from graycard._angles import angles as angles

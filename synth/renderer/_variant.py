@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard import RenderError
+from graycard.resources import usable_cores
 
 SCALAR, LLVM_RGB = "scalar_rgb", "llvm_ad_rgb"
 
@@ -225,6 +226,6 @@ def _activate(name: str, threads: int | None) -> int:
 
     mi.set_variant(name)
     mi.set_log_level(mi.LogLevel.Error)
-    count = threads or os.cpu_count() or 1
+    count = threads or usable_cores()
     dr.set_thread_count(count)
     return count

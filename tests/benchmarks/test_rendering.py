@@ -4,7 +4,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -126,7 +125,7 @@ def memory(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """``memory(gib)`` leaves so much of the machine's."""
 
     def leave(gib: float) -> None:
-        monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=int(gib * 2**30)))
+        monkeypatch.setattr(_rendering, "available_memory", lambda: int(gib * 2**30))
 
     return leave
 

@@ -254,7 +254,7 @@ def test_surfels_elsewhere_are_refused():
 
 def test_more_than_the_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_stages, "UNCHECKED", 0)
-    monkeypatch.setattr(_stages.psutil, "virtual_memory", lambda: SimpleNamespace(available=1000))
+    monkeypatch.setattr("psutil.virtual_memory", lambda: SimpleNamespace(available=1000))
     with pytest.raises(MethodError, match=r"GiB of memory to draw 20 surfels, got .*: draw fewer"):
         splat.rasterize_features(random_surfels(20), camera_of())
 

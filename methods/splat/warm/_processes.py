@@ -15,7 +15,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numba
-import psutil
 from llvmlite import binding
 
 from graycard import Progress, UnknownNameError
@@ -23,6 +22,7 @@ from graycard.io import file_lock, silent
 from graycard.methods._numba import cache_root, code_digest, remove_unused
 from graycard.methods.splat.warm import _jobs
 from graycard.methods.splat.warm._jobs import JOBS, PARTS
+from graycard.resources import usable_cores
 
 WAIT = 0.1
 """Seconds between two looks at how far the processes are."""
@@ -113,7 +113,7 @@ def _compile_apart(names: Sequence[str], stamps: Path, progress: Progress) -> No
     """Compile jobs in other processes; those that die leave jobs without a stamp."""
     if not names:
         return
-    processes = [_started(hand) for hand in hands(names, min(len(names), _cores()))]
+    processes = [_started(hand) for hand in hands(names, min(len(names), usable_cores()))]
     try:
         while any(process.poll() is None for process in processes):
             done = sum(_stamp(stamps, name).exists() for name in names)
@@ -130,14 +130,6 @@ def _started(names: Sequence[str]) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-P", "-m", "graycard.methods.splat.warm", *names]
     nowhere = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere)
-
-
-def _cores() -> int:
-    """Return how many cores this process may use."""
-    try:
-        return len(psutil.Process().cpu_affinity() or [0])
-    except AttributeError:  # macOS cannot say
-        return os.cpu_count() or 1
 
 
 def _stamp(stamps: Path, name: str) -> Path:

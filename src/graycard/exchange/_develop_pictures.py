@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Photographs and masks of shots: found before anything is written, then read a few at a time."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -34,6 +33,7 @@ from graycard.exchange.pictures import (
     shape_of_mask,
 )
 from graycard.io import Progress, silent
+from graycard.resources import usable_cores
 
 DoneT = TypeVar("DoneT")
 Exposures = Literal["exif", "alike"]
@@ -257,8 +257,7 @@ def develop_pictures(
 
 def _in_order(work: Callable[[int], DoneT], count: int) -> Iterator[DoneT]:
     """Yield what comes of photographs, in their order; few are in memory at a time, none after an error."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))
+    pool = ThreadPoolExecutor(max_workers=min(WORKERS, usable_cores()))
     try:
         yield from pool.map(work, range(count))
     finally:

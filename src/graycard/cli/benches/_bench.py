@@ -106,8 +106,8 @@ class BenchCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Run the suite; a job or a score that failed makes the exit code 1."""
-        from graycard.benchmarks import usable_cores
         from graycard.reports import write_report
+        from graycard.resources import usable_cores
         from graycard.synth import find_llvm
 
         refuse_scenes(self.suite)
@@ -190,8 +190,8 @@ class BenchCommand:
         if self.scheduler is None:
             yield None
             return
-        from graycard.benchmarks import usable_cores
         from graycard.machines import connected, read_scheduler
+        from graycard.resources import usable_cores
 
         spec = read_scheduler(self.scheduler, max(1, jobs), usable_cores())
         with connected(spec, terminal.err.print) as machines:
