@@ -138,6 +138,27 @@ def test_untouched_pixels_are_equal_to_the_bit():
     assert status(check_counterfactual(make_subject(), wrong))["untouched pixels"] == "failed"
 
 
+@pytest.mark.parametrize(("lost", "verdict"), [(0, "passed"), (8, "failed")])
+def test_what_rounding_makes_equal_need_not_be_marked_as_untouched(lost: int, verdict: str):
+    """Each fourth pixel that the target touches is equal by chance; of the mask an upper corner is lost."""
+    picture = emptied(np.random.default_rng(0))
+    layers = picture.layers
+    below = layers["effect.untouched"] == 0
+    equal = below & (np.arange(SIDE) % 4 == 0)
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        other = layers[f"counterfactual.{name}"]
+        layers[f"counterfactual.{name}"] = np.where(equal[..., None], layers[name], other)
+    layers["radiance.var"] = layers["counterfactual.radiance.var"] = np.ones((SIDE, SIDE, 3))
+    layers |= {f"effect.{name}": np.zeros((SIDE, SIDE)) for name in ("mirror", "bleeding")}
+    layers["effect.footprint"] = (layers["object_id"] == 3).astype(float)
+    layers["effect.shadow"] = below.astype(float)
+    layers["effect.untouched"] = (~below).astype(float)
+    layers["effect.untouched"][:lost, :lost] = 0
+    found = status(check_counterfactual(make_subject(), picture))
+    assert found["untouched pixels marked"] == verdict
+    assert found["untouched pixels"] == "passed"
+
+
 def test_no_effect_is_marked_where_the_picture_is_untouched():
     shadow = np.zeros((SIDE, SIDE))
     shadow[0, 0] = 1
