@@ -138,25 +138,54 @@ def test_untouched_pixels_are_equal_to_the_bit():
     assert status(check_counterfactual(make_subject(), wrong))["untouched pixels"] == "failed"
 
 
-@pytest.mark.parametrize(("lost", "verdict"), [(0, "passed"), (8, "failed")])
-def test_what_rounding_makes_equal_need_not_be_marked_as_untouched(lost: int, verdict: str):
-    """Each fourth pixel that the target touches is equal by chance; of the mask an upper corner is lost."""
-    picture = emptied(np.random.default_rng(0))
-    layers = picture.layers
-    below = layers["effect.untouched"] == 0
-    equal = below & (np.arange(SIDE) % 4 == 0)
+def effects_of(target: np.ndarray, shadow: np.ndarray) -> dict[str, np.ndarray]:
+    """All masks of a target that does nothing but cast a shadow, and variances."""
+    masks = {"footprint": target, "shadow": shadow, "untouched": ~shadow}
+    none = dict.fromkeys(("mirror", "bleeding"), np.zeros_like(target))
+    variances = dict.fromkeys(("radiance.var", "counterfactual.radiance.var"), np.ones((SIDE, SIDE, 3)))
+    return {f"effect.{name}": mask.astype(float) for name, mask in (masks | none).items()} | variances
+
+
+@pytest.mark.parametrize(
+    ("part", "pixels", "areas"),
+    [
+        ("nothing", "passed", "passed"),
+        ("a corner", "passed", "failed"),
+        ("the rim", "failed", "passed"),
+        ("all", "failed", "failed"),
+    ],
+)
+def test_what_rounding_makes_equal_need_not_be_marked_as_untouched(part: str, pixels: str, areas: str):
+    """Each eighth pixel that the target touches is equal by chance; some of the mask is lost."""
+    lost = {
+        "nothing": (slice(0), slice(0)),
+        "a corner": (slice(4), slice(4)),
+        "the rim": (slice(SIDE // 2 - 2, SIDE), slice(SIDE)),
+        "all": (slice(SIDE), slice(SIDE)),
+    }
+    before = emptied(np.random.default_rng(0)).layers
+    below = before["effect.untouched"] == 0
+    equal = below & (np.arange(SIDE) % 8 == 0)
+    changed = effects_of(before["object_id"] == 3, below)
+    changed["effect.untouched"][lost[part]] = 0
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
-        other = layers[f"counterfactual.{name}"]
-        layers[f"counterfactual.{name}"] = np.where(equal[..., None], layers[name], other)
-    layers["radiance.var"] = layers["counterfactual.radiance.var"] = np.ones((SIDE, SIDE, 3))
-    layers |= {f"effect.{name}": np.zeros((SIDE, SIDE)) for name in ("mirror", "bleeding")}
-    layers["effect.footprint"] = (layers["object_id"] == 3).astype(float)
-    layers["effect.shadow"] = below.astype(float)
-    layers["effect.untouched"] = (~below).astype(float)
-    layers["effect.untouched"][:lost, :lost] = 0
+        other = before[f"counterfactual.{name}"]
+        changed[f"counterfactual.{name}"] = np.where(equal[..., None], before[name], other)
+    picture = emptied(np.random.default_rng(0), **changed)
     found = status(check_counterfactual(make_subject(), picture))
-    assert found["untouched pixels marked"] == verdict
+    assert (found["untouched pixels marked"], found["untouched areas marked"]) == (pixels, areas)
     assert found["untouched pixels"] == "passed"
+
+
+def test_where_nothing_is_equal_all_around_no_area_can_be_lost():
+    before = emptied(np.random.default_rng(0)).layers
+    changed = effects_of(before["object_id"] == 3, before["effect.untouched"] == 0)
+    rows = 0.1 * (np.arange(SIDE) % 5 == 0)[:, None, None]
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        changed[f"counterfactual.{name}"] = before[f"counterfactual.{name}"] + rows
+    picture = emptied(np.random.default_rng(0), **changed)
+    found = status(check_counterfactual(make_subject(), picture))
+    assert found["untouched areas marked"] == "skipped"
 
 
 def test_no_effect_is_marked_where_the_picture_is_untouched():

@@ -25,6 +25,12 @@ def nothing_untouched(layers: Layers, view: View):
     layers["effect.untouched"] = np.zeros_like(layers["effect.untouched"])
 
 
+@FAULTS.in_layers("tabletop", "untouched areas marked", "looks like a mask that is lost")
+def a_part_not_untouched(layers: Layers, view: View):
+    upper = len(layers["effect.untouched"]) // 2
+    layers["effect.untouched"][:upper] = 0
+
+
 @FAULTS.in_layers("tabletop", "effects marked", "looks like masks that are lost")
 def no_shadow_and_no_mirror_image(layers: Layers, view: View):
     for name in ("shadow", "mirror", "bleeding"):
