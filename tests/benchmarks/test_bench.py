@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from graycard.benchmarks import _runner, check_result
 from graycard.benchmarks._jobs import FitJob, find_scores, run_fit, run_score
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
-from graycard.io import read_json, sha256, write_json
+from graycard.io import file_lock, read_json, sha256, write_json
 from graycard.records import Job, ScoreSheet, read_comparison, read_run
 from layer_references import write_random_weights
 
@@ -106,16 +107,22 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
 
 
 def test_scores_that_another_worker_has_just_made_are_kept(write_tiny: Callable[..., Path], tmp_path: Path):
-    """Dask gives a job to a second worker when it has lost the first, which may still be at work."""
+    """A worker that has lost its scheduler goes on, while another has been given the job."""
     scene, folder = write_tiny(tmp_path / "dataset"), tmp_path / "jobs/dark/tiny/gray"
     fit = FitJob(Job("dark", scene.name, "gray", 0, {}, "gray"), "hash", scene, folder, 1, tmp_path / "jobs")
     assert not run_fit(fit).reason
-    first = run_score(fit)
-    before = {path: path.stat() for path in (folder / "scores.json", folder / "scoring.json")}
-    second = run_score(fit)
-    assert (first.reused, second.reused) == (False, True)
-    assert second.value == first.value
-    assert {path: path.stat() for path in before} == before
+    first, scores = run_score(fit), folder / "scores.json"
+    made = scores.read_bytes()
+    scores.unlink()
+    with ThreadPoolExecutor(1) as pool:
+        with file_lock(folder / ".lock", lambda _: None):
+            second = pool.submit(run_score, fit)
+            time.sleep(0.3)
+            assert not second.done(), "it waits for the lock"
+            scores.write_bytes(made)
+        outcome = second.result(60)
+    assert (first.reused, outcome.reused) == (False, True)
+    assert outcome.value == first.value
 
 
 def test_scores_are_made_anew_when_weights_arrive_or_are_mended(

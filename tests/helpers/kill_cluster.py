@@ -45,6 +45,8 @@ name = "gray"
 label = "gray-dark"
 settings = {{ reflectance = 0.09 }}
 """
+_LAST = ("job.json", "scores.json")
+"""Files that end a fit and a scoring: each is written once."""
 _LOOK_S = 0.2
 _MOST_WAIT_S = 6.0
 """Longest time between two kills."""
@@ -154,7 +156,7 @@ class Results:
 
     def look(self) -> None:
         """Look once."""
-        for path in self.run.glob("jobs/*/*/*/*.json"):
+        for path in [found for name in _LAST for found in self.run.glob(f"jobs/*/*/*/{name}")]:
             try:
                 found = path.stat().st_ino, path.stat().st_mtime_ns
             except FileNotFoundError:
