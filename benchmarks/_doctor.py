@@ -11,7 +11,7 @@ from graycard.benchmarks._sources import cpu_model, git_commit, gpu_name, packag
 from graycard.io import free_mib, lock_words
 from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
 from graycard.processes import landlock_version
-from graycard.resources import total_memory, usable_cores
+from graycard.resources import usable_cores, usable_memory
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
@@ -46,7 +46,7 @@ def findings(folder: Path) -> list[Finding]:
     return [
         _packages(),
         _renderer(),
-        Finding("processor", f"{cpu_model()}, {_cores()}, {total_memory() / 2**30:.0f} GiB"),
+        Finding("processor", f"{cpu_model()}, {_cores()}, {round(usable_memory() / 2**30, 1):g} GiB"),
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
         _weights(),

@@ -2,6 +2,7 @@
 """Fit once, in a process of its own: the process that asks outlives a crash of the method."""
 
 import contextlib
+import os
 import shutil
 import traceback
 from collections.abc import Callable, Mapping
@@ -12,10 +13,11 @@ from typing import Any
 from graycard import MethodError, Progress
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._handed import check_there, places_of, scratch_folder
-from graycard.benchmarks._jobs import guarded
+from graycard.benchmarks._jobs import THREADS, guarded, threads_limited
 from graycard.io import silent
 from graycard.methods.confined import SERVE, confined
 from graycard.processes import USUAL, Limits, Outcome, named, run_all, worker_progress
+from graycard.resources import usable_cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +128,11 @@ def _ask(asked: _Question) -> Outcome:
 
 
 def _fit(asked: _Asked) -> Outcome:
-    """Fit, in a worker."""
+    """Fit, in a worker, with as many threads as cores; with those that the user has asked for, if any."""
     given = asked.spec, asked.predictions, worker_progress(), asked.save
-    return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)
+    is_asked = any(name in os.environ for name in THREADS)
+    with contextlib.nullcontext() if is_asked else threads_limited(usable_cores()):
+        return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)
 
 
 def _with_traceback(work: Callable[[], Any]) -> Outcome:

@@ -220,12 +220,12 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         code = "" if "." in job.command.code else known.get("code_sha256", "")  # a run there grows
         told = CommandSpec(job.command, made.method, settings, made.seed, job.scene)
         told = replace(told, allowed=job.allowed, code_sha256=code, reads_sha256=known.get("reads", {}))
-        with _threads(job.threads):
+        with threads_limited(job.threads):
             return fit_command(told, predictions, worker_progress(), job.jobs)
     priors = from_builtins(PriorSpec, made.priors)
     asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
     spec = FitSpec(*asked, donor=job.donor, stages=job.stages, allowed=job.allowed)
-    with _threads(job.threads):
+    with threads_limited(job.threads):
         fitted = fit_scene(spec, predictions, worker_progress(), jobs=job.jobs)
     return fitted.cost, fitted.access
 
@@ -235,13 +235,13 @@ def run_score(job: FitJob) -> Outcome:
 
     def work() -> Outcome:
         await_file(job.folder / DONE)
-        with _lock(job), _threads(job.threads):
+        with _lock(job), threads_limited(job.threads):
             if found := find_scores(job):
                 return found
             key, lacking, begun = _score_key(job), tuple(unavailable()), time.process_time()
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
-            write_json(job.folder / SCORES, Scored(key, sheet, (*lacking, *_damaged(sheet))))
             write_json(job.folder / SCORING, CpuCost(time.process_time() - begun))
+            write_json(job.folder / SCORES, Scored(key, sheet, (*lacking, *_damaged(sheet))))
             return Outcome(value=sheet)
 
     return guarded(work, job.folder / ERROR)
@@ -308,9 +308,13 @@ def _lock(job: FitJob) -> AbstractContextManager[None]:
     return file_lock(writable_folder(job.folder) / ".lock", lambda who: progress(0.0, f"waiting for {who}"))
 
 
-def _threads(count: int) -> AbstractContextManager[Any]:
+THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Variables that say how many threads libraries may start."""
+
+
+def threads_limited(count: int) -> AbstractContextManager[Any]:
     """Limit the threads of libraries that are loaded, and by the environment of those to come (torch)."""
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    for name in THREADS:
         os.environ[name] = str(count)
     return threadpool_limits(count)
 

@@ -13,7 +13,7 @@ from typing import Any
 import graycard
 from graycard.benchmarks._installed import find_installed
 from graycard.io import code_hash, to_builtins
-from graycard.resources import total_memory, usable_cores
+from graycard.resources import usable_cores, usable_memory
 from graycard.synth import find_llvm
 
 PACKAGES = (
@@ -57,7 +57,7 @@ def environment() -> dict[str, Any]:
 
 def hardware() -> dict[str, Any]:
     """Return what this machine is, without its name."""
-    memory = round(total_memory() / 2**30, 1)
+    memory = round(usable_memory() / 2**30, 1)
     return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gib": memory, "gpu": gpu_name()}
 
 

@@ -18,7 +18,7 @@ from graycard.benchmarks._jobs import (
 from graycard.benchmarks._run_record import RunError
 from graycard.machines import Machines
 from graycard.processes import Outcome, named, narrowed
-from graycard.resources import available_memory
+from graycard.resources import free_memory
 from graycard.synth import RenderSettings, scene_name
 
 _LEAST = 4
@@ -93,7 +93,7 @@ def _side_by_side(absent: list[RenderJob], most: int) -> int:
     """Return how many of the scenes that are not there this machine renders at a time."""
     if not absent:
         return 1
-    room = available_memory() // max(_memory(job.settings) for job in absent)
+    room = free_memory() // max(_memory(job.settings) for job in absent)
     return max(1, min(most, len(absent), max(job.threads for job in absent), room))
 
 

@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cores and memory that this process may use: those of the machine, or less in a container or a batch job.
 
-Docker, Kubernetes and Slurm limit a process by control groups of Linux, versions 1 and 2. Neither
-:func:`os.cpu_count` nor psutil knows of them. What counts is the tightest limit of the group that a process
-is in and of all groups around it. Files and their meaning are those of the kernel's
-``Documentation/admin-guide/cgroup-v2.rst`` and ``cgroup-v1/memory.rst``, and of
-``Documentation/scheduler/sched-bwc.rst``.
+Docker, Kubernetes, systemd and Slurm, where it is set up so, limit processes by control groups of Linux, of
+version 1 or 2. Neither :func:`os.cpu_count` nor psutil knows of them. The tightest limit counts, of the group
+that this process is in and of those around it. Limits of ``ulimit`` do not count. Files mean what the
+kernel's ``admin-guide/cgroup-v2.rst``, ``admin-guide/cgroup-v1/memory.rst`` and ``scheduler/sched-bwc.rst``
+say.
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from math import ceil
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import psutil
 
-_GROUPS = Path("/sys/fs/cgroup")
 _OWN = Path("/proc/self/cgroup")
-"""Names the groups that a process is in, a line each: number, controllers, path."""
+"""Groups that this process is in, a line each: number, controllers (none: version 2), path."""
+_MOUNTS = Path("/proc/self/mountinfo")
+"""Mounts, those of groups among them; see ``proc_pid_mountinfo(5)``."""
 
 
 def usable_cores() -> int:
@@ -26,62 +28,105 @@ def usable_cores() -> int:
     return max(1, min([cores, *(ceil(quota) for quota in _quotas())]))
 
 
-def total_memory() -> int:
-    """Return the memory that this process may use, in bytes, whoever uses it now."""
+def usable_memory() -> int:
+    """Return the memory that this process may use, in bytes, if no other used any."""
     return min([psutil.virtual_memory().total, *(limit for limit, _ in _memory_limits())])
 
 
-def available_memory() -> int:
-    """Return how much of it is free, in bytes; files that the system keeps in memory count as free."""
+def free_memory() -> int:
+    """Return the memory that this process may still use, in bytes.
+
+    What the system gives back when it is short of memory counts as free, such as files that it keeps.
+    """
     rooms = (max(0, limit - used) for limit, used in _memory_limits())
     return min([psutil.virtual_memory().available, *rooms])
 
 
 def _quotas() -> Iterator[float]:
     """Yield the cores that each group may use in the mean, where that is limited."""
-    for folder in _groups_of("cpu"):
-        one_file, two = _read(folder / "cpu.max").split(), ("cpu.cfs_quota_us", "cpu.cfs_period_us")
-        words = one_file or [_read(folder / name) for name in two]
-        quota, period = (_number(word) for word in (*words, "", "")[:2])
-        if quota and period:
-            yield quota / period
+    for group in _groups_of("cpu"):
+        if group.version == 2:
+            quota, _, period = _read(group.folder / "cpu.max").partition(" ")
+        else:
+            quota, period = (_read(group.folder / f"cpu.cfs_{name}_us") for name in ("quota", "period"))
+        if _number(quota) and _number(period):
+            yield _number(quota) / _number(period)
+
+
+@dataclass(frozen=True, slots=True)
+class _Names:
+    """Files of a group, and lines of its ``memory.stat`` with what the kernel can give back."""
+
+    limit: str
+    used: str
+    reclaimable: tuple[str, ...]
+
+
+_MEMORY = {
+    1: _Names("memory.limit_in_bytes", "memory.usage_in_bytes", ("total_inactive_file", "total_active_file")),
+    2: _Names("memory.max", "memory.current", ("inactive_file", "active_file", "slab_reclaimable")),
+}
 
 
 def _memory_limits() -> Iterator[tuple[int, int]]:
-    """Yield the bytes that each group may use, and uses without files that were not read lately."""
-    for folder in _groups_of("memory"):
-        for most, now, file in (
-            ("memory.max", "memory.current", "inactive_file"),
-            ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
-        ):
-            if limit := _number(_read(folder / most)):
-                words = _read(folder / "memory.stat").split()
-                parts = dict(zip(words[::2], words[1::2], strict=False))
-                yield limit, max(0, _number(_read(folder / now)) - _number(parts.get(file, "")))
+    """Yield the bytes that each group may use, and those that it uses and cannot give back."""
+    for group in _groups_of("memory"):
+        names = _MEMORY[group.version]
+        if limit := _number(_read(group.folder / names.limit)):
+            parts = _pairs(_read(group.folder / "memory.stat"))
+            reclaimable = sum(_number(parts.get(name, "")) for name in names.reclaimable)
+            yield limit, max(0, _number(_read(group.folder / names.used)) - reclaimable)
 
 
-def _groups_of(controller: str) -> Iterator[Path]:
-    """Yield folders of the groups that limit this process, the innermost first.
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """A control group that limits this process."""
 
-    In a container the path can be one of the host, which is not there; the container's own is then the root.
-    """
-    for line in _read(_OWN).splitlines():
-        _, controllers, path = (*line.split(":", 2), "", "")[:3]
-        if controllers and controller not in controllers.split(","):
-            continue
-        root = _GROUPS / controller if controllers else _GROUPS  # version 1 has a tree for each
-        inner = root / os.path.normpath(f"/{path}").lstrip("/")
-        yield from (folder for folder in (inner, *inner.parents) if folder.is_relative_to(root))
+    version: int
+    folder: Path
+
+
+def _groups_of(controller: str) -> Iterator[_Group]:
+    """Yield the groups that limit this process, the innermost first."""
+    for version, root, mount in _trees_of(controller):
+        for line in _read(_OWN).splitlines():
+            _, controllers, path = (*line.split(":", 2), "", "")[:3]
+            named = controllers.split(",") if controllers else []
+            if (version == 2 and not named) or (version == 1 and controller in named):
+                inner = _within(path, root)
+                yield from (_Group(version, mount / part) for part in (inner, *inner.parents))
+
+
+def _within(path: str, root: str) -> PurePosixPath:
+    """Return the path of a group from the one that is mounted; that itself where the path leads out of it."""
+    group = PurePosixPath(path)
+    is_inside = ".." not in group.parts and group.is_relative_to(root)
+    return group.relative_to(root) if is_inside else PurePosixPath()
+
+
+def _trees_of(controller: str) -> Iterator[tuple[int, str, Path]]:
+    """Yield trees of groups: the version, the group at the top of what is mounted, and where that is."""
+    for line in _read(_MOUNTS).splitlines():
+        before, _, after = line.partition(" - ")
+        places, (kind, _, options) = before.split()[3:5], (*after.split(), "", "", "")[:3]
+        is_ours = kind == "cgroup2" or (kind == "cgroup" and controller in options.split(","))
+        if is_ours and len(places) == 2:
+            yield (2 if kind == "cgroup2" else 1), places[0], Path(places[1])
+
+
+def _pairs(text: str) -> Mapping[str, str]:
+    """Return names and values of lines such as ``anon 4096``."""
+    return {name: value for name, _, value in (line.partition(" ") for line in text.splitlines())}
 
 
 def _read(path: Path) -> str:
     """Return the text of a file of the kernel; empty where there is none."""
     try:
-        return path.read_text(encoding="ascii", errors="replace").strip()
+        return path.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return ""
 
 
 def _number(word: str) -> int:
     """Return a number of the kernel; 0 for ``max``, -1 and whatever else sets no limit."""
-    return int(word) if word.isdecimal() else 0
+    return int(word) if word.strip().isdecimal() else 0

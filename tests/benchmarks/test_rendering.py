@@ -125,7 +125,7 @@ def memory(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """``memory(gib)`` leaves so much of the machine's."""
 
     def leave(gib: float) -> None:
-        monkeypatch.setattr(_rendering, "available_memory", lambda: int(gib * 2**30))
+        monkeypatch.setattr(_rendering, "free_memory", lambda: int(gib * 2**30))
 
     return leave
 

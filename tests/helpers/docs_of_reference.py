@@ -34,6 +34,7 @@ API = {
     "graycard.predictions": "Predictions",
     "graycard.points": "Sparse points",
     "graycard.edits": "Edits",
+    "graycard.resources": "Cores and memory",
     "graycard.exchange": "Other programs' formats",
     "graycard.io": "Files",
     "graycard.records": "Records",

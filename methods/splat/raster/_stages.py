@@ -32,7 +32,7 @@ from graycard.methods.splat.raster._stage_arrays import (
     vectors,
 )
 from graycard.methods.splat.raster._tiles import tile_lists, tiles_touched
-from graycard.resources import available_memory
+from graycard.resources import free_memory
 
 NARROW = 3
 """Channels that share a slot with the geometry."""
@@ -98,7 +98,7 @@ def check_memory(needed: int, of_what: str) -> None:
     """
     if needed < UNCHECKED:
         return
-    available = available_memory()
+    available = free_memory()
     if needed > available:
         raise MethodError(
             f"expected {needed / 2**30:.1f} GiB of memory to draw {of_what}, got {available / 2**30:.1f} GiB "

@@ -77,7 +77,7 @@ def read_scheduler(text: str, jobs: int, cores: int) -> ClusterSpec:
     Args:
         text: ``local``, an address as ``tcp://host:8786``, or a path that ends in ``.toml``.
         jobs: At a time, where workers of this machine are asked for.
-        cores: Of this machine, which those share.
+        cores: Those that this process may use, which they share.
 
     Raises:
         MachineError: It is none of these.
