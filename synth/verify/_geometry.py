@@ -15,6 +15,10 @@ _RELATIVE = 1e-4
 _SMOOTH = np.cos(np.radians(8.0))
 """Cosine between neighbouring normals up to which a surface is smooth enough for finite differences."""
 
+_STEP = 0.3
+"""Height of a step between parallel faces, over the width of a pixel there, that turns a slope of finite
+differences by 9 degrees. A sphere has as much curvature where normals of neighbours differ by 17 degrees."""
+
 
 def check_geometry(picture: TruePicture) -> Iterator[Check]:
     """Position, depth, distance and normal of one view."""
@@ -98,15 +102,17 @@ def _check_slopes(picture: TruePicture) -> Check:
 
 
 def _smooth_interior(picture: TruePicture) -> np.ndarray:
-    """Pixels whose neighbours show the same object with nearly the same normal and no jump in depth."""
+    """Pixels whose neighbours show the same object with nearly the same normal and no step in depth."""
     ids, normal = picture.layers["object_id"].astype(np.int64), picture.layers["normal"]
-    depth = np.where(picture.seen, picture.layers["depth"], 0)
+    depth = np.where(picture.seen, picture.layers["depth"], 0).astype(float)
+    near = np.divide(1, depth, out=np.zeros_like(depth), where=depth > 0)  # linear in pixels on a plane
+    focal = picture.camera.K[[1, 0], [1, 0]]
     smooth = picture.seen.copy()
     for shift, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1)):
         cosine = (normal * np.roll(normal, shift, axis)).sum(-1)
         smooth &= (ids == np.roll(ids, shift, axis)) & (cosine > _SMOOTH)
         smooth &= np.abs(np.roll(depth, shift, axis) - depth) < 0.2 * depth
-        smooth &= np.abs(_curvature(depth, axis)) < 0.02 * depth
+        smooth &= np.abs(_curvature(near, axis)) * depth * focal[axis] < _STEP
     smooth[[0, -1]] = smooth[:, [0, -1]] = False
     return smooth
 

@@ -89,6 +89,31 @@ def test_a_plane_has_the_geometry_of_a_plane():
     assert len(found) == 6
 
 
+@pytest.mark.parametrize("height", [0.0, 0.004, 0.01, 0.02, 0.05, 0.2])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_step_of_one_object_is_not_taken_for_a_slope(height: float, axis: int):
+    """Doors of a cupboard have the normal of its front, and a step of few millimetres at their rim."""
+    side, pose = 96, look_at(np.array([0.0, -1.0, 2.0]), np.zeros(3))
+    camera = Camera.from_fov(side, side, 50, pose)
+    rays = camera.rays()
+    raised = np.indices((side, side))[axis] // 8 % 2
+    distance = (height * raised - camera.position[2]) / rays[..., 2]
+    layers = {
+        "distance": distance,
+        "depth": distance * (rays @ camera.forward),
+        "position": camera.position + distance[..., None] * rays,
+        "normal": np.ones((side, side, 1)) * np.array([0.0, 0.0, 1.0]),
+        "object_id": np.ones((side, side), np.uint32),
+    }
+    picture = TruePicture(floor().at, 0, View("train_000", "train", camera), layers, True)
+    assert status(check_geometry(picture))["normal across the surface"] == "passed"
+
+
+def test_a_normal_in_other_axes_is_not_across_the_surface():
+    turned = floor(normal=np.ones((SIDE, SIDE, 1)) * np.array([0.0, -np.sin(0.3), np.cos(0.3)]))
+    assert status(check_geometry(turned))["normal across the surface"] == "failed"
+
+
 def test_where_nothing_is_seen_there_is_no_geometry():
     assert status(check_geometry(nothing())) == {"position on the ray": "skipped"}
     assert status(check_between(nothing(), floor(), At("s"))) == {"position in other views": "skipped"}
