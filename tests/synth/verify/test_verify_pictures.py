@@ -171,46 +171,28 @@ def effects_of(target: np.ndarray, shadow: np.ndarray) -> dict[str, np.ndarray]:
     return {f"effect.{name}": mask.astype(float) for name, mask in (masks | none).items()} | variances
 
 
-@pytest.mark.parametrize(
-    ("part", "pixels", "areas"),
-    [
-        ("nothing", "passed", "passed"),
-        ("a corner", "passed", "failed"),
-        ("the rim", "failed", "passed"),
-        ("all", "failed", "failed"),
-    ],
-)
-def test_what_rounding_makes_equal_need_not_be_marked_as_untouched(part: str, pixels: str, areas: str):
+@pytest.mark.parametrize("lost", ["nothing", "a corner", "the rim", "all"])
+@pytest.mark.parametrize("change", [1e-8, 0.1])
+def test_what_rounding_makes_equal_need_not_be_marked_as_untouched(lost: str, change: float):
     """Each eighth pixel that the target touches is equal by chance; some of the mask is lost."""
-    lost = {
+    parts = {
         "nothing": (slice(0), slice(0)),
         "a corner": (slice(4), slice(4)),
-        "the rim": (slice(SIDE // 2 - 2, SIDE), slice(SIDE)),
+        "the rim": (slice(SIDE // 2 - 3, SIDE), slice(SIDE)),
         "all": (slice(SIDE), slice(SIDE)),
     }
     before = emptied(np.random.default_rng(0)).layers
     below = before["effect.untouched"] == 0
-    equal = below & (np.arange(SIDE) % 8 == 0)
+    equal = ~below | (np.arange(SIDE) % 8 == 0)
     changed = effects_of(before["object_id"] == 3, below)
-    changed["effect.untouched"][lost[part]] = 0
+    changed["effect.untouched"][parts[lost]] = 0
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
-        other = before[f"counterfactual.{name}"]
-        changed[f"counterfactual.{name}"] = np.where(equal[..., None], before[name], other)
+        changed[f"counterfactual.{name}"] = before[name] + change * ~equal[..., None]
     picture = emptied(np.random.default_rng(0), **changed)
     found = status(check_counterfactual(make_subject(), picture))
-    assert (found["untouched pixels marked"], found["untouched areas marked"]) == (pixels, areas)
+    is_right = lost == "nothing" and change < 1e-6
+    assert found["untouched pixels marked"] == ("passed" if is_right else "failed")
     assert found["untouched pixels"] == "passed"
-
-
-def test_where_nothing_is_equal_all_around_no_area_can_be_lost():
-    before = emptied(np.random.default_rng(0)).layers
-    changed = effects_of(before["object_id"] == 3, before["effect.untouched"] == 0)
-    rows = 0.1 * (np.arange(SIDE) % 5 == 0)[:, None, None]
-    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
-        changed[f"counterfactual.{name}"] = before[f"counterfactual.{name}"] + rows
-    picture = emptied(np.random.default_rng(0), **changed)
-    found = status(check_counterfactual(make_subject(), picture))
-    assert found["untouched areas marked"] == "skipped"
 
 
 def test_no_effect_is_marked_where_the_picture_is_untouched():

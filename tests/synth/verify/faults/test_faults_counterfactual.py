@@ -25,7 +25,7 @@ def nothing_untouched(layers: Layers, view: View):
     layers["effect.untouched"] = np.zeros_like(layers["effect.untouched"])
 
 
-@FAULTS.in_layers("tabletop", "untouched areas marked", "looks like a mask that is lost")
+@FAULTS.in_layers("tabletop", "untouched pixels marked", "looks like a mask that is lost")
 def a_part_not_untouched(layers: Layers, view: View):
     upper = len(layers["effect.untouched"]) // 2
     layers["effect.untouched"][:upper] = 0
