@@ -7,13 +7,23 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from graycard.io import await_file, file_lock, lock_words, remove_leftovers, silent
+from graycard import OutputError
+from graycard.io import (
+    _leftovers,
+    await_file,
+    file_lock,
+    lock_words,
+    remove_leftovers,
+    silent,
+    temporary_folder,
+)
 from graycard.io._hold import remove_unheld
 from graycard.io.sharing import _marks, _systems
 from graycard.io.sharing._marks import read_sign
@@ -158,7 +168,7 @@ def test_a_lock_that_was_taken_meanwhile_is_put_back(tmp_path: Path) -> None:
     dead = read_sign(tmp_path / ".lock")
     assert dead is not None
     (tmp_path / ".lock").write_text("process 13 on node8\nanother-boot pid:[1] 13 345\ndef")
-    _marks._set_aside(tmp_path / ".lock", dead)
+    _marks.set_aside(tmp_path / ".lock", dead)
     assert (tmp_path / ".lock").read_text().startswith("process 13 on node8")
     assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
@@ -181,6 +191,86 @@ def test_nor_is_its_lock_but_that_of_a_dead_process_of_this_one_is(tmp_path: Pat
     assert remove_leftovers(tmp_path) == [tmp_path / ".a.lock"]
     with file_lock(tmp_path / ".b.lock", print):
         assert remove_leftovers(tmp_path) == []
+
+
+def of_a_dead_process_here(path: Path) -> None:
+    """Write the lock of a process of this machine that is gone."""
+    boot, space = _marks.process_space()
+    path.write_text(f"process 1 on here\n{boot} {space} 1 another-start\nabc")
+
+
+def refuse_call(*_: object, **__: object) -> None:
+    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def test_a_lock_that_is_no_file_is_told_of_at_once(tmp_path: Path, shared: None) -> None:
+    (tmp_path / "folder.lock").mkdir()
+    (tmp_path / "link.lock").symlink_to(tmp_path / "nowhere")
+    for name in ("folder.lock", "link.lock"):
+        with pytest.raises(OutputError, match=name), file_lock(tmp_path / name, print):
+            pass
+
+
+def test_a_lock_that_may_not_be_read_is_told_of_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: None
+) -> None:
+    of_another_machine(tmp_path / ".lock")
+    opened = os.open
+
+    def open_own(path: str | Path, flags: int, *rest: int) -> int:
+        if not flags & os.O_CREAT and Path(path).name == ".lock":
+            refuse_call()
+        return opened(path, flags, *rest)
+
+    monkeypatch.setattr(os, "open", open_own)
+    with (
+        pytest.raises(OutputError, match=r"\.lock \(Permission denied\)"),
+        file_lock(tmp_path / ".lock", print),
+    ):
+        pass
+    assert remove_leftovers(tmp_path) == []
+
+
+def test_a_dead_lock_that_cannot_be_removed_is_told_of_at_once_and_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: None
+) -> None:
+    """It is another user's, in a folder where this one may not write."""
+    of_a_dead_process_here(tmp_path / ".lock")
+    monkeypatch.setattr(os, "rename", refuse_call)
+    with pytest.raises(OutputError, match="Permission denied"), file_lock(tmp_path / ".lock", print):
+        pass
+    assert remove_leftovers(tmp_path) == []
+    monkeypatch.undo()
+    assert remove_leftovers(tmp_path) == [tmp_path / ".lock"]
+
+
+def test_a_folder_is_in_use_while_anything_in_it_changes(tmp_path: Path, shared: None) -> None:
+    folder = tmp_path / ".run.abcdefgh.partial"
+    (folder / "views").mkdir(parents=True)
+    (folder / "views" / "0.exr").touch()
+    long_ago = time.time() - 2 * 3600
+    for old in (folder / "views", folder):
+        os.utime(old, (0, long_ago))
+    assert remove_leftovers(tmp_path) == []
+    os.utime(folder / "views" / "0.exr", (0, long_ago))
+    assert remove_leftovers(tmp_path) == [folder]
+
+
+def test_a_temporary_folder_gives_signs_of_life(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared: None
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(_leftovers, "BEAT_S", 0.05)
+    with temporary_folder() as folder:
+        os.utime(folder, (0, 0))
+        until = time.monotonic() + 30
+        while folder.stat().st_mtime == 0:
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        with temporary_folder() as other:
+            assert folder.exists()
+    assert not other.exists()
+    assert not folder.exists()
 
 
 MOUNTS = r"""

@@ -2,6 +2,7 @@
 """Hold files and folders while they are in use: the kernel lets go of them when the process dies."""
 
 import contextlib
+import itertools
 import os
 import stat
 import sys
@@ -62,7 +63,7 @@ def is_at(descriptor: int, path: Path) -> bool:
 def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
     """Remove a file or folder of this user that no process holds; it is held meanwhile.
 
-    On file systems that other machines may share: that nobody has changed for an hour.
+    On file systems that other machines may share: in which nobody has changed anything for an hour.
 
     Args:
         path: Where it lies.
@@ -77,7 +78,7 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return False
-    held = _is_quiet(descriptor) if is_shared(path.parent) else hold(descriptor, wait=False)
+    held = _is_quiet(path) if is_shared(path.parent) else hold(descriptor, wait=False)
     try:
         if not held or not is_at(descriptor, path) or not _is_own(descriptor):
             return False
@@ -91,9 +92,13 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
             os.close(descriptor)
 
 
-def _is_quiet(descriptor: int) -> bool:
-    """Tell whether a file or folder has not been changed for long."""
-    return time.time() - os.fstat(descriptor).st_mtime > _QUIET_S
+def _is_quiet(path: Path) -> bool:
+    """Tell whether nothing of a file or folder has been changed for long, nor anything in it."""
+    since = time.time() - _QUIET_S
+    inside = (Path(at) / name for at, folders, files in os.walk(path) for name in (*folders, *files))
+    with contextlib.suppress(OSError):  # what goes meanwhile is in use
+        return all(os.lstat(each).st_mtime < since for each in itertools.chain([path], inside))
+    return False
 
 
 def _is_own(descriptor: int) -> bool:

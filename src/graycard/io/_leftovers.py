@@ -5,18 +5,21 @@ Whoever writes a partial file, holds a lock or has a temporary folder holds it f
 nobody holds is left over, however young it is, and what is held is in use, however old.
 """
 
+import contextlib
 import os
 import re
 import shutil
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from graycard.io._files import PARTIAL_NAME, output_error
 from graycard.io._hold import hold, is_at, let_go, remove_unheld
-from graycard.io.sharing._marks import read_sign
+from graycard.io.sharing._marks import BEAT_S, Sign, read_sign, set_aside
+from graycard.io.sharing._systems import is_shared
 
 _LOCK = re.compile(r"(\..+)?\.lock")
 _HOLDER = re.compile(rb"(process \d+ on \S*)?")
@@ -61,12 +64,23 @@ def temporary_folder() -> Iterator[Path]:
         root, held = _held_folder()
     except OSError as cause:
         raise output_error(place, cause) from cause
+    ended = threading.Event()
+    if is_shared(place):  # where the kernel does not tell other machines that it is held
+        threading.Thread(target=_beat, args=(root, ended), daemon=True).start()
     try:
         yield root
     finally:
+        ended.set()
         shutil.rmtree(root, ignore_errors=True)
         if held is not None:
             let_go(held)
+
+
+def _beat(root: Path, ended: threading.Event) -> None:
+    """Give signs of life, as long as a folder is in use."""
+    while not ended.wait(BEAT_S):
+        with contextlib.suppress(OSError):
+            os.utime(root)
 
 
 def _held_folder() -> tuple[Path, int | None]:
@@ -87,10 +101,11 @@ def _held_folder() -> tuple[Path, int | None]:
 
 def _remove(path: Path) -> bool:
     """Remove a file that may be left over; return whether it is gone."""
-    if _LOCK.fullmatch(path.name) and _is_mark(path):
-        path.unlink(missing_ok=True)
-        return True
-    return remove_unheld(path, os.unlink)
+    if not _LOCK.fullmatch(path.name) or (dead := _dead(path)) is None:
+        return remove_unheld(path, os.unlink)
+    with contextlib.suppress(OSError):  # as in a folder of another user
+        set_aside(path, dead)
+    return not path.exists()
 
 
 def _is_left(path: Path) -> bool:
@@ -103,10 +118,13 @@ def _is_left(path: Path) -> bool:
         content = path.read_bytes()[:400] if path.is_file() else b"no lock"
     except OSError:
         return False
-    return _HOLDER.fullmatch(content) is not None or _is_mark(path)
+    return _HOLDER.fullmatch(content) is not None or _dead(path) is not None
 
 
-def _is_mark(path: Path) -> bool:
-    """Tell whether a file is the lock of a process that is gone, and needs no lock of the kernel."""
-    sign = read_sign(path)
-    return sign is not None and sign.is_gone
+def _dead(path: Path) -> Sign | None:
+    """Return the sign of a lock whose holder is gone, and which needs no lock of the kernel; else None."""
+    try:
+        sign = read_sign(path)
+    except OSError:
+        return None
+    return sign if sign is not None and sign.is_gone else None

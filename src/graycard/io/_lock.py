@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from graycard.io._files import output_error
 from graycard.io._hold import hold, is_at, let_go
 from graycard.io._names import printable
 from graycard.io.sharing._marks import marked_lock
@@ -29,6 +30,9 @@ def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     Args:
         path: The lock file; it is gone afterwards.
         on_wait: Called once if another process holds it, with words for it, as ``process 12 on host``.
+
+    Raises:
+        OutputError: It cannot be made, or that of another user cannot be read or removed.
     """
     if sys.platform == "win32":  # has no flock; two processes then race, and one of them says so
         yield
@@ -71,7 +75,10 @@ def _has_locks(folder: Path) -> bool:
 @contextmanager
 def _kernel_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     """Hold a lock file for the kernel as well."""
-    descriptor = _acquire(path, on_wait)
+    try:
+        descriptor = _acquire(path, on_wait)
+    except OSError as cause:
+        raise output_error(path, cause) from cause
     try:
         with contextlib.suppress(OSError):  # a full disk is met by what is written next
             os.ftruncate(descriptor, 0)

@@ -9,6 +9,7 @@ whole.
 """
 
 import contextlib
+import errno
 import os
 import secrets
 import socket
@@ -19,6 +20,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from graycard.io._files import output_error
 from graycard.io._names import printable
 
 BEAT_S = 10.0
@@ -28,6 +30,8 @@ DEAD_S = 120.0
 _LOOK_S = 0.5
 _LONGEST = 400
 """Bytes of a lock file that are read."""
+_GONE = (errno.ENOENT, errno.ESTALE)
+"""Errors of a file that is not there any more; the second is that of NFS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +62,15 @@ def marked_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
         on_wait: Called once if another process holds it, with words for it.
 
     Raises:
-        OSError: It cannot be made.
+        OutputError: It cannot be made, or that of another can be neither read nor removed.
     """
     content = (
         f"process {os.getpid()} on {socket.gethostname()}\n{_place(os.getpid())}\n{secrets.token_hex(8)}"
     )
-    _claim(path, content.encode(), on_wait)
+    try:
+        _claim(path, content.encode(), on_wait)
+    except OSError as cause:
+        raise output_error(path, cause) from cause
     ended = threading.Event()
     beats = threading.Thread(target=_beat, args=(path, content.encode(), ended), daemon=True)
     beats.start()
@@ -72,22 +79,27 @@ def marked_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     finally:
         ended.set()
         beats.join()
-        if (found := read_sign(path)) and found.content == content.encode():
-            path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            if (found := read_sign(path)) and found.content == content.encode():
+                path.unlink(missing_ok=True)
 
 
 def read_sign(path: Path) -> Sign | None:
-    """Return what a lock file says now, as the server has it; None without one, or of another kind."""
+    """Return what a lock file says now, as the server has it; None where there is none.
+
+    Raises:
+        OSError: It may not be read, or is no file.
+    """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError:
+        try:
+            content, changed = os.read(descriptor, _LONGEST), os.fstat(descriptor).st_mtime_ns
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _GONE:
+            raise OSError(error.errno, error.strerror, str(path)) from error
         return None
-    try:
-        content, changed = os.read(descriptor, _LONGEST), os.fstat(descriptor).st_mtime_ns
-    except OSError:
-        return None
-    finally:
-        os.close(descriptor)
     words, *rest = [*content.decode(errors="replace").split("\n"), ""]
     return Sign(printable(words) or "another process", rest[0], content, changed)
 
@@ -103,7 +115,7 @@ def _claim(path: Path, content: bytes, on_wait: Callable[[str], None]) -> None:
             time.sleep(_LOOK_S / 10)
             continue
         if sign.is_gone or time.monotonic() > since + DEAD_S:
-            _set_aside(path, sign)
+            set_aside(path, sign)
             continue
         if not told:
             on_wait(sign.words)
@@ -129,23 +141,28 @@ def _made(path: Path, content: bytes) -> bool:
     return True
 
 
-def _set_aside(path: Path, dead: Sign) -> None:
-    """Remove the lock file of a dead holder, and put back that of one which was quicker."""
+def set_aside(path: Path, dead: Sign) -> None:
+    """Remove the lock file of a dead holder, and put back that of one which was quicker.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
     aside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.lock")
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(FileNotFoundError):
         os.rename(path, aside)  # one of those who wait does it
         if read_sign(aside) != dead:
-            os.link(aside, path)
+            with contextlib.suppress(FileExistsError):
+                os.link(aside, path)
         aside.unlink()
 
 
 def _beat(path: Path, content: bytes, ended: threading.Event) -> None:
     """Give signs of life, as long as the lock is still that of this process."""
     while not ended.wait(BEAT_S):
-        sign = read_sign(path)
-        if sign is None or sign.content != content:
-            return
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # the next may get through
+            sign = read_sign(path)
+            if sign is None or sign.content != content:
+                return
             os.utime(path)
 
 
