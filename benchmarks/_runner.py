@@ -11,7 +11,6 @@ same scores as one that was not.
 """
 
 import math
-import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -52,7 +51,7 @@ from graycard.benchmarks._sources import environment
 from graycard.benchmarks._submitted import check_folder
 from graycard.benchmarks._suites import Suite, public
 from graycard.benchmarks.claims import claims_of_suite, judge_run
-from graycard.benchmarks.planning import STAGES, Part, part_of_plan, plan_fits, render_scenes
+from graycard.benchmarks.planning import Part, clear_stages, part_of_plan, plan_fits, render_scenes, staging
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_first_look
 from graycard.io import file_lock, sha256, write_json
@@ -250,9 +249,10 @@ def _planned(
 def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
     scenes = _render(bench, bench.suite.scenes)
-    fitted = _fit(bench, _planned(bench, known, scenes))
+    plan = _planned(bench, known, scenes)
+    fitted = _fit(bench, plan)
     if not any(outcome.reason for outcome in _of_fits(fitted)):
-        shutil.rmtree(bench.run / STAGES, ignore_errors=True)  # nothing can go on from them any more
+        clear_stages(bench.run, plan)  # nothing can go on from them any more
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
     return Measured(record, _all_reused(fitted, scored))
@@ -283,7 +283,8 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Fits:
     """Make all predictions."""
     given = run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits
-    outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
+    with staging(bench.run):
+        outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
     fitted = list(zip(plan, outcomes, strict=True))
     check_seen(job.folder / DONE for job, outcome in fitted if not outcome.reason)
     return fitted

@@ -10,14 +10,12 @@ from graycard.benchmarks._jobs import FitJob
 from graycard.benchmarks._submitted import given_for
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.benchmarks.planning._parts import Part
+from graycard.benchmarks.planning._stages import STAGES
 from graycard.io import dumps, sha256, to_builtins
 from graycard.methods.confined import Introduction
 from graycard.methods.priors import truth_of, weights_of
 from graycard.records import Job
 from graycard.synth import SceneSpec
-
-STAGES = "stages"
-"""Folder of a run in which fits leave stages for others."""
 
 
 def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits of a run that share stages: what one has saved is found by the next, and counts as time of both."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from graycard import MethodError
 from graycard.benchmarks import FitSpec, fit_scene
+from graycard.benchmarks._jobs import FitJob
+from graycard.benchmarks.planning import clear_stages, staging
 from graycard.benchmarks.planning._plan import stages_folder
 from graycard.io import silent
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
 from graycard.methods.confined import Introduction
+from graycard.records import Job
 from small_methods import BEFORE_MIB, BEFORE_S
 
 
@@ -87,3 +91,27 @@ def test_goris_is_staged_and_what_comes_later_is_no_part_of_its_first_stage() ->
     assert getattr(method, "staged", False)
     assert settings_of(method, later).first == plain.first == plain
     assert settings_of(method, {"weights": 0.2}).first != plain
+
+
+@pytest.mark.parametrize("locks", ["kernel", "files"])
+def test_a_bench_that_ends_leaves_the_folders_that_another_one_uses(
+    make_scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locks: str
+) -> None:
+    """A confined fit may write to its folder, and could not make it anew."""
+    monkeypatch.setenv("GRAYCARD_LOCKS", locks)
+    scene, run = make_scene(), tmp_path / "run"
+    stages = run / "stages" / "code" / "capture"
+    job = Job("dark", scene.name, "row", 0, {}, "row")
+    plan = [FitJob(job, "hash", scene, run / "jobs" / "row", 1, run / "jobs", stages=stages)]
+    spec = FitSpec("small_methods:Waits", {}, 0, scene, stages=stages)
+    with ThreadPoolExecutor() as pool, staging(run):
+        first = pool.submit(fit_scene, spec, run / "p", silent)
+        while not (stages / "begun").exists():
+            assert not first.done(), first.result()
+        clear_stages(run, plan)
+        (stages / "go on").touch()
+        assert first.result().cost.wall_s > 0
+    assert (stages / "late").exists()
+    clear_stages(run, plan)
+    assert not (stages / "late").exists()
+    assert (run / "stages").exists() == (locks == "files")

@@ -166,6 +166,19 @@ class Staged(Unstaged):
             write_bytes(left, b"done")
 
 
+class Waits(Unstaged):
+    """A method that leaves a stage when another process says so."""
+
+    staged = True
+
+    def found(self, settings: Checkpoint) -> None:
+        folder = Path(settings.checkpoint)
+        (folder / "begun").touch()
+        while not (folder / "go on").exists():
+            time.sleep(0.02)
+        write_bytes(folder / "late", b"done")
+
+
 class Off(Unstaged):
     """A method that says it has no stages."""
 

@@ -12,7 +12,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from graycard import MethodError, OutputError
+from graycard import MethodError
 from graycard.io import parse_json, write_bytes
 from graycard.methods.splat.fit._optimise import AdamMoments, FitState, ScreenStatistics
 from graycard.methods.splat.fit._parameters import Parameters
@@ -93,13 +93,7 @@ def save_state(checkpoint: Checkpoint, state: FitState, spent: Spent = NOTHING_S
     """
     facts = json.dumps({"step": state.step, "identity": checkpoint.identity, "spent": spent})
     tensors = {name: values.contiguous() for name, values in _flat(state).items()}
-    data = save(tensors, metadata={**FORMAT, "fit": facts})
-    try:
-        write_bytes(checkpoint.file, data)
-    except OutputError as error:
-        if not (checkpoint.shared and isinstance(error.__cause__, FileNotFoundError)):
-            raise
-        write_bytes(checkpoint.file, data)  # another run that has ended has just cleared the folder away
+    write_bytes(checkpoint.file, save(tensors, metadata={**FORMAT, "fit": facts}))
 
 
 def load_state(checkpoint: Checkpoint) -> FitState | None:

@@ -27,6 +27,8 @@ from graycard.io._files import sha256 as sha256
 from graycard.io._files import sha256_of_files as sha256_of_files
 from graycard.io._files import writable_folder as writable_folder
 from graycard.io._files import write_bytes as write_bytes
+from graycard.io._hold import remove_unheld as remove_unheld
+from graycard.io._hold import used_folder as used_folder
 from graycard.io._json import check_version as check_version
 from graycard.io._json import dumps as dumps
 from graycard.io._json import from_builtins as from_builtins

@@ -7,7 +7,8 @@ import os
 import stat
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +20,7 @@ _held: set[int] = set()
 """Descriptors that this process holds something by."""
 
 
-def hold(descriptor: int, *, wait: bool = True) -> bool:
+def hold(descriptor: int, *, wait: bool = True, shared: bool = False) -> bool:
     """Hold what a descriptor is open on, until :func:`let_go` or the end of the process.
 
     A process that is forked meanwhile does not hold it.
@@ -27,6 +28,7 @@ def hold(descriptor: int, *, wait: bool = True) -> bool:
     Args:
         descriptor: An open file or folder; on Windows, which has no such holding, it is closed.
         wait: Wait for another process that holds it.
+        shared: Hold it beside others that do the same.
 
     Returns:
         False where another process holds it and is not waited for, or the file system knows no holding.
@@ -39,7 +41,7 @@ def hold(descriptor: int, *, wait: bool = True) -> bool:
     _forget_at_fork()
     _held.add(descriptor)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
     except OSError:
         return False
     return True
@@ -50,6 +52,30 @@ def let_go(descriptor: int) -> None:
     if descriptor in _held:
         _held.discard(descriptor)
         os.close(descriptor)
+
+
+@contextmanager
+def used_folder(folder: Path) -> Iterator[None]:
+    """Keep a folder from being removed by :func:`remove_unheld` for the time of the block; others may do the
+    same. It is made anew where that was quicker.
+
+    Raises:
+        OSError: It cannot be made or opened.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        hold(descriptor, shared=True)
+        if is_at(descriptor, folder):
+            break
+        let_go(descriptor)
+    try:
+        yield
+    finally:
+        let_go(descriptor)
 
 
 def is_at(descriptor: int, path: Path) -> bool:
