@@ -85,7 +85,7 @@ def fit_scene(
 ) -> Fitted:
     """Fit a method in a process of its own, to which truth is closed, and write its predictions folder.
 
-    What is recorded is of the scene alone: a fit of the donor costs neither time nor memory there.
+    Time and memory are recorded of the scene alone; the CPU time is that of the fit of a donor as well.
 
     Args:
         spec: What to fit.
@@ -203,7 +203,7 @@ def _written(
     write_predictions(decomposition, capture, fit.method.label, predictions, fit.method.progress, changes)
     elapsed = spent.seconds + time.perf_counter() - start
     peak = max(fit.method.process.peak_mib(), spent.resumed_peak_mib) if alone else spent.peak_mib
-    taken = fit.method.process.cpu_s() if alone and not spent.resumed else None
+    taken = None if spent.resumed else fit.method.process.cpu_s()
     with blame(fit.spec.method):
         counts = _counts(decomposition, capture)
     return Cost(elapsed, peak, counts, None if taken is None else taken + time.process_time() - begun)

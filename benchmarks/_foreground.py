@@ -128,10 +128,11 @@ def _ask(asked: _Question) -> Outcome:
 
 
 def _fit(asked: _Asked) -> Outcome:
-    """Fit, in a worker, with as many threads as cores; with those that the user has asked for, if any."""
+    """Fit, in a worker, with as many threads as cores; with those that the user has asked a library for."""
     given = asked.spec, asked.predictions, worker_progress(), asked.save
-    is_asked = any(name in os.environ for name in THREADS)
-    with contextlib.nullcontext() if is_asked else threads_limited(usable_cores()):
+    of_user = {name: os.environ[name] for name in THREADS if name in os.environ}
+    with threads_limited(usable_cores()):
+        os.environ.update(of_user)
         return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)
 
 

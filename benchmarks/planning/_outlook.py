@@ -2,13 +2,14 @@
 """Work out what a large run would take, from the costs that a small one measured."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
 
 from graycard import GraycardError
 from graycard.benchmarks._jobs import SCORING, CpuCost, read_or_none, rendering_cost
-from graycard.records import RunRecord, job_folder
+from graycard.records import Cost, RunRecord, job_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +20,13 @@ class Measured:
     scenes: int
     """Scenes whose rendering was measured."""
     fits: int
-    """Fits that were measured, of all rows."""
+    """Fits whose CPU time was measured, of all rows."""
+    all_fits: int
+    """The same with those that found stages done: their CPU time follows from their wall time."""
     rendering_s: float
-    """CPU time of a scene, seconds."""
+    """CPU time of a scene, seconds, with a share of the scenes that objects come from."""
     fit_s: float
-    """CPU time of a fit with its predictions, seconds."""
+    """CPU time of a fit with its predictions, and of that of a scene that an object comes from, seconds."""
     scoring_s: float
     """CPU time of one set of scores, seconds."""
     scene_bytes: float
@@ -65,7 +68,7 @@ def measured_costs(record: RunRecord, run: Path) -> list[Measured]:
         run: Its folder, with the jobs and, at the places that the record names, the scenes.
 
     Raises:
-        GraycardError: No scene or no fit of a track was measured.
+        GraycardError: No scene or no fit of a track was measured, or a folder is not there.
     """
     tracks = dict.fromkeys(scene.track for scene in record.scenes)
     return [_measured(track, record, run) for track in tracks]
@@ -118,19 +121,21 @@ def outlook(
 
 def _measured(track: str, record: RunRecord, run: Path) -> Measured:
     scenes = [scene for scene in record.scenes if scene.track == track]
-    rendered = [
-        cost.cpu_s
-        for s in scenes
-        if (cost := read_or_none(CpuCost, rendering_cost(run, track, s.scene))) is not None
-    ]
+    names = {scene.scene for scene in scenes}
+    rendered = _rendering(run, track)
+    own = [cpu_s for name, cpu_s in rendered.items() if name in names]
+    donors = {name: cpu_s for name, cpu_s in rendered.items() if name not in names}
+    folders = [run / scene.folder for scene in scenes]
+    places = [*folders, *(folders[0].with_name(name) for name in donors)]
     jobs = [result for result in record.results if result.job.track == track and result.cost is not None]
-    fits = [result.cost.cpu_s for result in jobs if result.cost and result.cost.cpu_s is not None]
+    costs = [result.cost for result in jobs if result.cost is not None]
+    fits = [cost.cpu_s for cost in costs if cost.cpu_s is not None]
     scores = [
         cost.cpu_s
         for result in jobs
         if (cost := read_or_none(CpuCost, job_folder(run, result) / SCORING)) is not None
     ]
-    for what, found in (("scene", rendered), ("fit", fits), ("set of scores", scores)):
+    for what, found in (("scene", own), ("fit", fits), ("set of scores", scores)):
         if not found:
             raise GraycardError(
                 f"expected {run} to have measured a {what} of track {track}, got none. Costs are kept of "
@@ -139,17 +144,45 @@ def _measured(track: str, record: RunRecord, run: Path) -> Measured:
             )
     return Measured(
         track,
-        len(rendered),
+        len(own),
         len(fits),
-        fmean(rendered),
-        fmean(fits),
+        len(costs),
+        fmean(own) + sum(donors.values()) / len(scenes),
+        _fit_s(costs),
         fmean(scores),
-        fmean(_size(run / scene.folder) for scene in scenes),
+        sum(map(_size, places)) / len(scenes),
         fmean(_size(job_folder(run, result)) for result in jobs),
-        max(result.cost.peak_memory_mib for result in jobs if result.cost),
+        max(cost.peak_memory_mib for cost in costs),
     )
 
 
+def _rendering(run: Path, track: str) -> dict[str, float]:
+    """Return the CPU time that each scene of a track took, and each that objects come from, in seconds."""
+    files = rendering_cost(run, track, "").parent.glob("*.json")
+    costs = {file.stem: read_or_none(CpuCost, file) for file in sorted(files)}
+    return {name: cost.cpu_s for name, cost in costs.items() if cost is not None}
+
+
+def _fit_s(costs: Sequence[Cost]) -> float:
+    """Return the mean CPU time of fits, seconds; that of a fit which found stages done follows from its wall
+    time.
+
+    Such fits are of some rows and not of others, so leaving them out would count the others alone.
+    """
+    known = [cost for cost in costs if cost.cpu_s is not None]
+    cores = sum(cost.cpu_s or 0.0 for cost in known) / max(sum(cost.wall_s for cost in known), 1e-9)
+    return fmean(cost.wall_s * cores if cost.cpu_s is None else cost.cpu_s for cost in costs)
+
+
 def _size(folder: Path) -> int:
-    """Return the bytes of all files below a folder."""
+    """Return the bytes of all files below a folder.
+
+    Raises:
+        GraycardError: It is not there.
+    """
+    if not folder.is_dir():
+        raise GraycardError(
+            f"expected scenes and jobs where the record of the run names them, got no folder {folder}. Move "
+            "it there, or run `graycard bench` anew"
+        )
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

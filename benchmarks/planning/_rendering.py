@@ -58,35 +58,32 @@ def render_scenes(
     Raises:
         RunError: A scene could not be rendered.
     """
+    found = {job.words: find_rendered(job) for job in jobs}  # reads every file of a scene
+    absent = [job for job in jobs if found[job.words] is None]
+    at_a_time = 1
     if machines is None:
-        outcomes = _rendered_here(jobs, run_all, progress, most)
-    else:
-        if absent := _to_cut(jobs, workers := machines.jobs_at_a_time()):
-            _render_parts(absent, run_all, workers, narrowed(progress, 0.0, _IN_PARTS))
-            progress = narrowed(progress, _IN_PARTS, 1.0)
-        outcomes = run_all(run_render, jobs, 1, progress, find_rendered)
+        at_a_time = _side_by_side(absent, most)
+        jobs = _sharing_threads(jobs, absent, at_a_time)
+    elif _pays_to_cut(absent, workers := machines.jobs_at_a_time()):
+        _render_parts(absent, run_all, workers, narrowed(progress, 0.0, _IN_PARTS))
+        progress = narrowed(progress, _IN_PARTS, 1.0)
+    outcomes = run_all(run_render, jobs, at_a_time, progress, lambda job: found[job.words])
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
             raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
     return [outcome.value for outcome in outcomes]
 
 
-def _rendered_here(
-    jobs: list[RenderJob], run_all: Callable[..., list[Outcome]], progress: Progress, most: int
-) -> list[Outcome]:
-    """Render several scenes at a time on this machine, and share its threads among them.
+def _sharing_threads(jobs: list[RenderJob], absent: list[RenderJob], at_a_time: int) -> list[RenderJob]:
+    """Share the threads of this machine among scenes that are rendered at the same time.
 
     Much of a scene is done by one thread alone: Mitsuba traces a kernel before it runs, and files are
     written. The last scenes share all threads, too.
     """
-    found = {job.words: find_rendered(job) for job in jobs}  # reads every file of a scene
-    absent = [job for job in jobs if found[job.words] is None]
-    at_a_time = _side_by_side(absent, most)
     last = absent[len(absent) - len(absent) % at_a_time :]
-    shared = [
+    return [
         replace(job, threads=ceil(job.threads / (len(last) if job in last else at_a_time))) for job in jobs
     ]
-    return run_all(run_render, shared, at_a_time, progress, lambda job: found[job.words])
 
 
 def _side_by_side(absent: list[RenderJob], most: int) -> int:
@@ -103,14 +100,13 @@ def _memory(settings: RenderSettings) -> int:
     return _BYTES + settings.width * settings.height * (_BYTES_A_PIXEL + _BYTES_A_PATH * paths)
 
 
-def _to_cut(jobs: list[RenderJob], workers: int) -> list[RenderJob]:
-    """Return the scenes that are not there, if it pays to render them in parts; else none.
+def _pays_to_cut(absent: list[RenderJob], workers: int) -> bool:
+    """Tell whether to render scenes that are not there in parts.
 
-    It does not where there are as many scenes as workers, or twice as many and more: each part loads its
+    It does not pay where there are as many scenes as workers, or twice as many and more: each part loads its
     scene anew.
     """
-    absent = [job for job in jobs if find_rendered(job) is None]
-    return [] if len(absent) == workers or len(absent) >= _SCENES_EACH * workers else absent
+    return bool(absent) and len(absent) != workers and len(absent) < _SCENES_EACH * workers
 
 
 def _render_parts(

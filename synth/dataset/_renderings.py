@@ -5,6 +5,7 @@ Everything else in a scene folder follows from these files. Mitsuba is imported 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -110,7 +111,8 @@ def write_aside(rendering: Rendering, truth: Path, aside: Path, is_wanted: Calla
         if is_wanted():
             raise  # else another process has ended the scene, and the folder is gone
     finally:
-        discard(aside)
+        with suppress(OutputError):  # another process has ended the scene, and removes the folder as well
+            discard(aside)
 
 
 def _of_view(

@@ -9,6 +9,7 @@ to its final place in one step. A damaged scene goes back to being a partial one
 import os
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -146,7 +147,8 @@ def promote(place: Place) -> None:
     if place.final.exists():
         move(place.final, place.replaced)
     move(place.partial, place.final)
-    discard(place.work)
+    with suppress(OutputError):  # a worker that was given up may write there still: `leftovers` finds the rest
+        discard(place.work)
 
 
 def discard(folder: Path) -> None:

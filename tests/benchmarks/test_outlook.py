@@ -19,7 +19,7 @@ from graycard.io import silent, write_json
 from graycard.records import Cost, RunRecord, job_folder, read_run
 from graycard.synth import RenderSettings, SceneSpec
 
-COST = Measured("dark", 2, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
+COST = Measured("dark", 2, 6, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
 
 
 def test_hours_disk_and_price_of_a_large_run():
@@ -77,7 +77,7 @@ def test_costs_are_means_of_what_a_run_measured(run: Path):
     record = read_run(run)
     (found,) = measured_costs(record, run)
     scenes, jobs = len(record.scenes), len(record.results)
-    assert (found.scenes, found.fits) == (scenes, jobs)
+    assert (found.scenes, found.fits, found.all_fits) == (scenes, jobs, jobs)
     assert found.rendering_s == pytest.approx(100 + (scenes - 1) / 2)
     assert found.fit_s == pytest.approx(10 + (jobs - 1) / 2)
     assert found.scoring_s == pytest.approx(2)
@@ -88,6 +88,42 @@ def test_costs_are_means_of_what_a_run_measured(run: Path):
     assert found.job_bytes * jobs == pytest.approx(
         sum(bytes_below(job_folder(run, r)) for r in record.results)
     )
+
+
+def test_a_fit_that_found_stages_done_counts_by_its_wall_time(run: Path):
+    record = read_run(run)
+    first, *others = record.results
+    assert first.cost is not None
+    dear = replace(first, cost=replace(first.cost, wall_s=30.0, cpu_s=None))
+    (found,) = measured_costs(replace(record, results=(dear, *others)), run)
+    known = [10.0 + number for number in range(1, len(record.results))]  # in 1 s of wall time each
+    cores = sum(known) / len(known)
+    assert (found.fits, found.all_fits) == (len(known), len(known) + 1)
+    assert found.fit_s == pytest.approx((30 * cores + sum(known)) / (len(known) + 1))
+
+
+def test_scenes_that_objects_come_from_are_counted(run: Path):
+    record = read_run(run)
+    (before,) = measured_costs(record, run)
+    scene = run / record.scenes[0].folder
+    shutil.copytree(scene, scene.with_name("donor-0000"))
+    write_json(rendering_cost(run, record.scenes[0].track, "donor-0000"), {"cpu_s": 50.0})
+    (found,) = measured_costs(record, run)
+    scenes = len(record.scenes)
+    assert found.scenes == scenes
+    assert found.rendering_s == pytest.approx(before.rendering_s + 50 / scenes)
+    assert found.scene_bytes == pytest.approx(before.scene_bytes + bytes_below(scene) / scenes)
+
+
+@pytest.mark.parametrize("gone", ["scene", "job"])
+def test_folders_that_are_gone_are_not_counted_as_empty(
+    run: Path, gone: str, capsys: pytest.CaptureFixture[str]
+):
+    record = read_run(run)
+    folder = run / record.scenes[0].folder if gone == "scene" else job_folder(run, record.results[0])
+    shutil.rmtree(folder)
+    assert main(["plan", str(run)]) == 2
+    assert f"got no folder {folder}" in " ".join(capsys.readouterr().err.replace("\n", "").split())
 
 
 def forget_scenes(run: Path, record: RunRecord) -> None:

@@ -141,8 +141,8 @@ class Cost:
     counts: Mapping[str, float] = field(default_factory=dict)
     """Counts by the method itself for one held-out view, the mean over them, as ``light evaluations``."""
     cpu_s: float | None = None
-    """CPU time of the fit and of its predictions, seconds, over all cores. None in an older record, where no
-    system tells, and where stages were found done."""
+    """CPU time of the fit, of its predictions, and of the fit to a scene that an object comes from, seconds,
+    over all cores. None in an older record, where no system tells, and where stages were found done."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,7 +81,7 @@ def _means(found: Sequence[Outlook]) -> Table:
     table = new_table("measured", *heads)
     for cost in (plan.measured for plan in found):
         table.add_row(
-            f"{cost.track} ({cost.scenes} scenes, {cost.fits} fits)",
+            f"{cost.track} ({cost.scenes} scenes, {cost.fits} of {cost.all_fits} fits)",
             *(f"{seconds:,.1f} CPU s" for seconds in (cost.rendering_s, cost.fit_s, cost.scoring_s)),
             *(f"{size / 1e6:,.1f} MB" for size in (cost.scene_bytes, cost.job_bytes)),
             f"{cost.peak_mib:,.0f} MiB",
