@@ -16,6 +16,7 @@ from graycard.benchmarks.validity._files import (
     score_breaches,
     view_breaches,
 )
+from graycard.benchmarks.validity._published import is_in_history, published_breaches
 from graycard.benchmarks.validity._record import (
     Breach,
     access_breaches,
@@ -25,6 +26,7 @@ from graycard.benchmarks.validity._record import (
     finite_breaches,
     origin_breaches,
     tellers_of,
+    value_breaches,
     ways_of,
 )
 from graycard.benchmarks.validity._secret import secret_breaches
@@ -46,6 +48,9 @@ RULES: dict[str, str] = {
     "truth": "truth was closed to every fit, and what was handed is what the method declares",
     "ceiling": "no score is better than the noise of the truth allows, but of a row that is handed it",
     "comparison": "comparison.json follows from run.json",
+    "values": "the score of a scene lies among those of its views, but of ratios and correlations; no cost "
+    "is below 0",
+    "published": "run.json and verdicts of a published run are those that the history beside it keeps",
     "scores": "scoring the predictions again gives the same scores (only with --rescore)",
 }
 """Meaning of each rule, in words."""
@@ -81,6 +86,8 @@ class Validity:
     """Rows with code of others that are handed truth beside other rows."""
     submitted: tuple[str, ...] = ()
     """Rows of predictions that other code has made, and nobody watched."""
+    in_history: bool = False
+    """Whether a history beside a published run keeps its hash and its verdicts."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:
@@ -109,6 +116,7 @@ def check_result(
     looks: list[Callable[[RunRecord, Path], list[Breach]]] = [
         lambda record, run: count_breaches(record),
         lambda record, run: finite_breaches(record),
+        lambda record, run: value_breaches(record),
         lambda record, run: origin_breaches(record),
         lambda record, run: access_breaches(record),
         lambda record, run: ceiling_breaches(record),
@@ -116,6 +124,7 @@ def check_result(
         lambda record, run: _of_suite(record, run, standard),
         edition_breaches,
         lambda record, run: secret_breaches(record, run, standard.suite, salt),
+        lambda record, run: published_breaches(run),
     ]
     walks = _WALKS if rescore else {what: walk for what, walk in _WALKS.items() if what != "scores"}
     progress(0.0, "checking the record")
@@ -126,7 +135,8 @@ def check_result(
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
     seen = len(record.results), ways_of(record), tellers_of(record), record.submitted
-    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen)
+    vouched = is_in_history(run)
+    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen, in_history=vouched)
 
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:

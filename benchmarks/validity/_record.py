@@ -20,6 +20,10 @@ from graycard.records import RUN_FILE, JobResult, RunRecord, Score, read_compari
 
 _ORIGINS = ("python", "platform", "cpu", "cores")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
+_NO_MEAN = re.compile(r"(^|\.)(leakage|residual)(\.|$)")
+"""Metrics that are correlations or ratios of sums."""
+_ROUNDING = 1e-4
+"""Share of a score that rounding may cost."""
 _NAMED = 3
 """Files that are named, of what may be hundreds."""
 
@@ -152,6 +156,29 @@ def finite_breaches(run: RunRecord) -> list[Breach]:
         if bad:
             what = f"{score.metric}: expected finite numbers, got: {', '.join(bad)}"
             found.append(Breach("finite", place_of(result), what))
+    return found
+
+
+def value_breaches(run: RunRecord) -> list[Breach]:
+    """Return scores that do not lie among those of their views, and costs below 0.
+
+    Means do, over views as over all pixels. Ratios of sums and correlations need not.
+    """
+    found = []
+    for result, score in scores_of(run):
+        views = [value for value in score.per_view.values() if value is not None]
+        if score.status != "scored" or score.value is None or not views:
+            continue
+        least, most = min(views), max(views)
+        room = _ROUNDING * max((abs(end) for end in (least, most) if math.isfinite(end)), default=0.0)
+        if not (least - room <= score.value <= most + room or _NO_MEAN.search(score.metric)):
+            what = f"expected {least:.6g} to {most:.6g}, as its views have, got {score.value:.6g}"
+            found.append(Breach("values", place_of(result), f"{score.metric}: {what}"))
+    for result in run.results:
+        cost = result.cost
+        for name, value in (("wall_s", cost.wall_s), ("cpu_s", cost.cpu_s)) if cost else ():
+            if value is not None and not 0 <= value < math.inf:
+                found.append(Breach("values", place_of(result), f"{name}: expected 0 or more, got {value:g}"))
     return found
 
 

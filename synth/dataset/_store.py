@@ -147,7 +147,7 @@ def promote(place: Place) -> None:
     if place.final.exists():
         move(place.final, place.replaced)
     move(place.partial, place.final)
-    with suppress(OutputError):  # a worker that was given up may write there still: `leftovers` finds the rest
+    with suppress(OutputError):  # a worker that was given up may still write there
         discard(place.work)
 
 

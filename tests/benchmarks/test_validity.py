@@ -30,7 +30,7 @@ WHEEL = {"version": "0.1.0", "sha256": "0123456789abcdef" * 4, "changed": [], "c
 def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["check-result", str(made_run), "--rescore"]) == 0
     suite, closed, last = capsys.readouterr().out.splitlines()[-3:]
-    assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
+    assert last == "check-result: valid (6 fits by 13 rules, 0 broken, 0 without evidence)"
     digest = sha256(made_run / "suite.json")
     assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
     way = f"landlock-{landlock_version()}+" if landlock_version() else ""
@@ -77,7 +77,7 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
         in found.out
     )
     assert "rule origin: package versions, hardware and the git commit" in found.err
-    assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 10 rules, 1 broken")
+    assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 12 rules, 1 broken")
     written = read_json(tmp_path / "v.json")["result"]
     assert written["exit_code"] == 1
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
@@ -94,6 +94,29 @@ def test_a_row_of_others_that_is_handed_truth_is_named(run: Path, capsys: pytest
     change(run, hand_over)
     main(["check-result", str(run)])
     assert "note: row 'gray' runs code of others and is handed truth" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("metric", "told"),
+    [("novel_view.psnr", True), ("novel_view.ssim", True), ("albedo.leakage", False)],
+)
+def test_a_score_lies_among_those_of_its_views(run: Path, metric: str, told: bool):
+    """Not a correlation over all views, which may be above each."""
+
+    def raise_it(data: Any) -> None:
+        score = score_in(data)
+        score |= {"metric": metric, "value": max(score["per_view"].values()) + 0.01}
+
+    change(run, raise_it, follow=False)
+    found = breaches(run).get("values", [])
+    assert [f"{metric}: expected " in what for what in found] == [True] * told
+
+
+@pytest.mark.parametrize("name", ["wall_s", "cpu_s"])
+def test_no_cost_is_below_0(run: Path, name: str):
+    change(run, lambda data: data["results"][0]["cost"].update({name: -1.0}))
+    (found,) = breaches(run)["values"]
+    assert found.endswith(f": {name}: expected 0 or more, got -1")
 
 
 def test_only_a_valid_run_is_published(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -470,7 +493,12 @@ def test_a_comparison_that_does_not_follow(run: Path):
 
 def test_scores_that_the_predictions_do_not_have(run: Path):
     """Everything that is written down agrees; only scoring again tells."""
-    change(run, lambda data: score_in(data, metric="novel_view.ssim").update(value=0.999))
+
+    def improve(data: Any) -> None:
+        score = score_in(data, metric="novel_view.ssim")
+        score |= {"value": 0.999, "per_view": dict.fromkeys(score["per_view"], 0.999)}
+
+    change(run, improve)
     assert breaches(run) == {}
     (line,) = breaches(run, rescore=True)["scores"]
     assert "gray, seed 0: expected the scores of run.json, got another scores[1].value" in line

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of a run that are kept and shown."""
 
+import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from graycard import OutputError, RecordError
 from graycard.benchmarks import Validity
 from graycard.cli import main
 from graycard.io import read_json, sha256, to_builtins, write_json
-from graycard.records import CLAIMS, Ledger, read_ledger, read_run
+from graycard.records import CLAIMS, HISTORY, Ledger, read_ledger, read_run
 from graycard.reports import Shown, publish_run, write_report
 from opened import opened
 from published import published_folders
@@ -198,3 +200,62 @@ def test_verbs_that_read_records_leave_a_published_folder_as_it_is(
     assert "published: scenes and predictions are not kept." in found
     assert "check-result: the records break no rule; comparison, hashes, gauge" in found.splitlines()[-1]
     assert {path: path.read_bytes() for path in (tmp_path / "matte").iterdir()} == before
+
+
+@pytest.fixture
+def beside_history(tmp_path: Path) -> Path:
+    """A copy of a published run beside the history of verdicts that keeps its hash."""
+    source = next(path for path in PUBLISHED if path.name == "matte")
+    shutil.copy(source.parent / HISTORY, tmp_path)
+    return Path(shutil.copytree(source, tmp_path / "matte"))
+
+
+def test_a_published_run_is_held_against_the_history_beside_it(
+    beside_history: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["check-result", str(beside_history)]) == 2
+    assert "The history beside it keeps a hash of run.json" in capsys.readouterr().out
+    (beside_history.parent / HISTORY).unlink()
+    assert main(["check-result", str(beside_history)]) == 2
+    shown = capsys.readouterr().out
+    assert f"is as it was then: compare its SHA-256, {sha256(beside_history / 'run.json')}" in shown
+
+
+def raise_scores(folder: Path) -> None:
+    data = json.loads((folder / "run.json").read_text())
+    for result in data["results"]:
+        for score in result["sheet"]["scores"]:
+            if score["metric"] == "novel_view.psnr" and result["job"]["method"] == "goris":
+                score["value"] += 1.0
+                score["per_view"] = {view: value + 1.0 for view, value in score["per_view"].items()}
+    (folder / "run.json").write_text(json.dumps(data))
+
+
+def turn_a_verdict(folder: Path) -> None:
+    data = json.loads((folder / "claims.json").read_text())
+    data["papers"][0]["claims"][0]["verdict"] = "reproduced"
+    (folder / "claims.json").write_text(json.dumps(data))
+
+
+def damage_the_history(folder: Path) -> None:
+    (folder.parent / HISTORY).write_text("{")
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (raise_scores, 1, "broken: published: run.json: expected the file that was published"),
+        (turn_a_verdict, 1, "broken: published: claims.json: "),
+        (damage_the_history, 2, "Nothing here tells whether run.json is as it was then"),
+    ],
+)
+def test_a_published_run_that_was_changed_is_told_of(
+    beside_history: Path,
+    change: Callable[[Path], None],
+    code: int,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+):
+    change(beside_history)
+    assert main(["check-result", str(beside_history)]) == code
+    assert words in capsys.readouterr().out

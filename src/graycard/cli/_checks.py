@@ -15,9 +15,10 @@ from rich.table import Table
 from graycard._errors import OutputError, RecordError
 from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.io import write_json
+from graycard.io import sha256, write_json
 from graycard.records import (
     COMPARISON,
+    RUN_FILE,
     Comparison,
     MethodStanding,
     MetricComparison,
@@ -30,7 +31,7 @@ from graycard.records import (
 )
 
 if TYPE_CHECKING:
-    from graycard.benchmarks import Salt
+    from graycard.benchmarks import Salt, Validity
 
 _Pair = tuple[MetricComparison, PairDifference]
 SHOWN = 5
@@ -123,8 +124,8 @@ class CheckResultCommand:
             unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
             says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
             terminal.out.print(
-                "published: scenes and predictions are not kept. `graycard publish` takes valid runs alone, "
-                "so all rules held when they were there"
+                "published: scenes and predictions are not kept. `graycard publish` takes valid runs alone. "
+                + _vouched(self.run_folder, found)
             )
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
@@ -132,6 +133,14 @@ class CheckResultCommand:
             f"{broken} broken, {len(found.breaches) - broken} without evidence)"
         )
         return found.exit_code
+
+
+def _vouched(run: Path, found: Validity) -> str:
+    """Say what tells that a published record is as it was published."""
+    if found.in_history:
+        return "The history beside it keeps a hash of run.json, which was compared"
+    digest = sha256(run / RUN_FILE)
+    return f"Nothing here tells whether run.json is as it was then: compare its SHA-256, {digest}"
 
 
 @dataclass(frozen=True)
