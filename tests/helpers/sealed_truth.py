@@ -3,16 +3,17 @@
 
 ``python tests/helpers/sealed_truth.py OUT reports/published/second/dark-sealed-2 …``. Scenes follow from the
 suite that the run keeps. Each has to pass what ``graycard verify`` checks. Then ``gray``, which fits nothing,
-is scored on it: scores are those of the record but for rounding if the scene is the same. A processor of
-another kind rounds otherwise, so hashes of the truth do not tell.
+is scored on it, and its scores have to be those of the record but for rounding. A processor of another kind
+rounds otherwise, so hashes of the truth do not tell.
 
-OUT/verified.jsonl has a line for each scene, and scenes that have one are not done again. It can be cut off
-at any time. The exit code is 1 if any scene fails.
+OUT/verified.jsonl has a line for each scene. Those that have passed are not done again. It can be cut off at
+any time. The exit code is 1 if any scene fails.
 """
 
 import argparse
 import json
 import math
+import re
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -23,15 +24,22 @@ from typing import Any
 
 from graycard.benchmarks import Suite, opened
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
-from graycard.io import from_builtins, read_json
+from graycard.benchmarks._sources import environment
+from graycard.io import from_builtins, read_json, write_bytes
 from graycard.records import Job, JobResult, Score, read_run
 from graycard.resources import usable_cores
-from graycard.synth import render_scene
+from graycard.synth import render_scene, scene_name
 from graycard.synth.verify import verify_dataset
 
 ROW = "gray"
+_CORRELATION = re.compile(r"(^|\.)leakage(\.|$)")
+"""Scores that are squared correlations, from 0 to 1: of ``gray`` with light they are all but 0."""
+_BY_NETWORKS = re.compile(r"(^|\.)(lpips|fid|kid)(\.|$)")
+"""Scores that are missing where weights are."""
 _LEAST = 1e-2
-"""Scores below it are compared by their difference, not by their ratio."""
+"""Scores below it are compared by their difference as a share of it."""
+_OFF, _OFF_CORRELATION = 1e-2, 1e-1
+"""Allowed difference of a score, as such a share. The second is 0.001 of a correlation that is all but 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +62,21 @@ def verified(task: Task) -> dict[str, Any] | None:
     """Render a scene, verify it, and score ``gray`` on it; None where it is too late to begin."""
     if time.time() > task.until:
         return None
+    spec = suite_of(task.run).scenes[task.number]
+    line = {
+        "run": task.run.name,
+        "number": task.number,
+        "scene": f"{spec.track}/{scene_name(spec)}",
+        "commit": environment()["git_commit"],
+    }
+    try:
+        return line | _verified(task)
+    except Exception as error:  # the others go on
+        failures = [f"{type(error).__name__}: {error}"]
+        return line | {"passed": 0, "failed": 1, "skipped": 0, "failures": failures, "compared": 0}
+
+
+def _verified(task: Task) -> dict[str, Any]:
     suite, begun = suite_of(task.run), time.process_time()
     spec, here = suite.scenes[task.number], task.out / task.run.name
     # A data set of one scene alone, as `graycard verify` takes all that are there.
@@ -62,14 +85,16 @@ def verified(task: Task) -> dict[str, Any] | None:
     rendered = time.process_time()
     checks = verify_dataset(dataset).checks
     counts = {status: sum(c.status == status for c in checks) for status in ("passed", "failed", "skipped")}
-    off, metric, compared = _farthest(_scores_here(task, scene), _scores_there(task.run, scene.name))
+    ours, theirs = (
+        dict(_finite(s)) for s in (_scores_here(task, scene), _scores_there(task.run, scene.name))
+    )
+    others = unlike(ours, theirs)
+    off, metric = farthest(ours, theirs)
     return {
-        "run": task.run.name,
-        "number": task.number,
-        "scene": f"{spec.track}/{scene.name}",
         **counts,
-        "failures": sorted({f"{c.name}: {c.reason}" for c in checks if c.status == "failed"}),
-        "compared": compared,
+        "failed": counts["failed"] + len(others),
+        "failures": sorted({f"{c.name}: {c.reason}" for c in checks if c.status == "failed"}) + others,
+        "compared": len(ours.keys() & theirs.keys()),
         "farthest": metric,
         "off": off,
         "cpu_s": {"render": round(rendered - begun), "verify": round(time.process_time() - rendered)},
@@ -95,12 +120,21 @@ def _scores_there(run: Path, scene: str) -> tuple[Score, ...]:
     return sheet.scores if sheet else ()
 
 
-def _farthest(ours: tuple[Score, ...], theirs: tuple[Score, ...]) -> tuple[float, str, int]:
-    """Return the largest relative difference of scores, whose it is, and how many both have."""
-    one, other = (dict(_finite(scores)) for scores in (ours, theirs))
-    both = sorted(one.keys() & other.keys())
-    off, metric = max(((_off(one[m], other[m]), m) for m in both), default=(math.inf, ""))
-    return off, metric, len(both)
+def unlike(ours: Mapping[str, float], theirs: Mapping[str, float]) -> list[str]:
+    """Say which scores are not those of the record, and which are missing on either side."""
+    found = [
+        f"{metric}: expected {theirs[metric]:.6g}, as in the record, got {ours[metric]:.6g}"
+        for metric in sorted(ours.keys() & theirs.keys())
+        if _off(ours[metric], theirs[metric]) > (_OFF_CORRELATION if _CORRELATION.search(metric) else _OFF)
+    ]
+    lone = sorted(metric for metric in ours.keys() ^ theirs.keys() if not _BY_NETWORKS.search(metric))
+    return found + [f"{metric}: expected it here and in the record, got one of both" for metric in lone]
+
+
+def farthest(ours: Mapping[str, float], theirs: Mapping[str, float]) -> tuple[float, str]:
+    """Return the largest difference of a score that both have, and whose it is."""
+    both = sorted(ours.keys() & theirs.keys())
+    return max(((_off(ours[m], theirs[m]), m) for m in both), default=(math.inf, ""))
 
 
 def _finite(scores: tuple[Score, ...]) -> Iterator[tuple[str, float]]:
@@ -113,11 +147,18 @@ def _off(one: float, other: float) -> float:
 
 def _told(line: Mapping[str, Any]) -> str:
     words = f"{line['run']} {line['scene']}: {line['passed']} passed, {line['failed']} failed"
-    return f"{words}, {line['skipped']} skipped; {line['compared']} scores within {line['off']:.1e}"
+    scores = f"; {line['compared']} scores within {line['off']:.1e}" if line["compared"] else ""
+    return f"{words}, {line['skipped']} skipped{scores}"
+
+
+def _passed(kept: Path) -> list[dict[str, Any]]:
+    """Return the lines of scenes that have passed; the others are done anew."""
+    lines = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    return [line for line in lines if not line["failed"]]
 
 
 def main() -> int:
-    """Verify the scenes that have no line yet; 1 if any fails."""
+    """Verify the scenes that have not passed yet; 1 if any fails."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -127,7 +168,8 @@ def main() -> int:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     kept = given.out / "verified.jsonl"
-    lines = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    lines = _passed(kept)
+    write_bytes(kept, "".join(json.dumps(line) + "\n" for line in lines).encode())
     done = {(line["run"], line["number"]) for line in lines}
     tasks = [
         Task(run.resolve(), number, given.out.resolve(), time.time() + given.seconds)
