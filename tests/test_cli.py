@@ -316,6 +316,9 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["methods", "retinx"], "did you mean 'retinex'"),
         (["bench", "demo", "--pixels", "abc"], "expected a whole number after --pixels, got 'abc'"),
         (["bench", "demo", "--jobs=2.5"], "expected a whole number after --jobs, got '2.5'"),
+        (["bench", "demo", "--methods"], "expected one or more values after --methods, got none"),
+        (["bench", "demo", "--methods", "--json", "a"], "one or more values after --methods, got none"),
+        (["claims", "runs/demo", "--sizes="], "expected one or more values after --sizes, got none"),
         (["bench", "demo", "--budget", "half"], "expected a number after --budget, got 'half'"),
         (
             ["fit", "gray", "{scene}", "--reflectance", "bright", "--out", "{tmp}/x"],

@@ -34,5 +34,5 @@ def parse_part(text: str) -> Part:
     found = _FORM.fullmatch(text)
     part = Part(int(found[1]), int(found[2])) if found else Part(0, 0)
     if not 1 <= part.number <= part.of:
-        raise GraycardError(f"expected a part as K/N, such as 1/20, got {text!r}. Mend --only")
+        raise GraycardError(f"expected a part as K/N, K from 1 to N, such as 3/20, got {text!r}. Mend --only")
     return part

@@ -36,7 +36,7 @@ def test_a_part_is_read_as_it_is_written() -> None:
     "text", ["", "3", "0/2", "3/2", "1/0", "-1/2", "1/2/3", "1 / 2", "a/b", "1.5/2", "1/1000000000000"]
 )
 def test_what_is_no_part_is_refused(text: str) -> None:
-    with pytest.raises(GraycardError, match="expected a part as K/N, such as 1/20, got"):
+    with pytest.raises(GraycardError, match="expected a part as K/N, K from 1 to N, such as 3/20, got"):
         parse_part(text)
 
 

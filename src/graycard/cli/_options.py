@@ -105,7 +105,8 @@ def near_option(option: str, known: Iterable[str]) -> str | None:
 
 
 def check_values(kind: type[Any], args: Sequence[str]) -> None:
-    """Refuse a value that is none of those that an option knows, and text where a number is asked for.
+    """Refuse a value that is none of those that an option knows, text where a number is asked for, and a list
+    without values.
 
     Args:
         kind: Dataclass of the options.
@@ -113,7 +114,7 @@ def check_values(kind: type[Any], args: Sequence[str]) -> None:
 
     Raises:
         UnknownNameError: There is a value that is not known; it names the one that it is most like.
-        GraycardError: There is text in place of a number.
+        GraycardError: There is text in place of a number, or nothing.
     """
     hints = get_type_hints(kind, include_extras=True)
     options = {"--" + name.rstrip("_").replace("_", "-"): hint for name, hint in hints.items()}
@@ -122,7 +123,10 @@ def check_values(kind: type[Any], args: Sequence[str]) -> None:
         known = _choices(hint)
         if known and found not in known:
             raise UnknownNameError(f"value of {option}", found, known)
-        if found and not found.startswith("--") and (wanted := _number_asked_for(hint, found)):
+        is_absent = not found or found.startswith("--")
+        if is_absent and get_origin(_parts(hint)[0]) is tuple:
+            raise GraycardError(f"expected one or more values after {option}, got none")
+        if not is_absent and (wanted := _number_asked_for(hint, found)):
             raise GraycardError(f"expected {wanted} after {option}, got {found!r}")
     first = next((name for name, hint in hints.items() if _is_positional(hint)), "")
     known = _choices(hints[first]) if first else ()
