@@ -2,14 +2,14 @@
 """Work out what a large run would take, from the costs that a small one measured."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
 
-from graycard import GraycardError
+from graycard import GraycardError, UnknownNameError
 from graycard.benchmarks._jobs import SCORING, CpuCost, read_or_none, rendering_cost
-from graycard.records import Cost, RunRecord, job_folder
+from graycard.records import Cost, JobResult, RunRecord, job_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,8 @@ class Measured:
     """Predictions and records of a job."""
     peak_mib: float
     """The most memory that a fit held, MiB."""
+    row_s: Mapping[str, float]
+    """CPU time of a fit with its predictions by row, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class Outlook:
     disk_gb: float
     """1e9 bytes."""
     hours: float
-    """Hours on the cores that were asked for."""
+    """Hours on the cores that were asked for; no less than one scene with its longest fit takes on one."""
     price: float | None
     """In the currency of a core hour; None where no price was told."""
 
@@ -60,16 +62,24 @@ class Outlook:
         return self.rendering_h + self.fits_h + self.scoring_h
 
 
-def measured_costs(record: RunRecord, run: Path) -> list[Measured]:
+def measured_costs(record: RunRecord, run: Path, rows: Collection[str] = ()) -> list[Measured]:
     """Return the mean costs of each track of a run.
 
     Args:
         record: Of the run.
         run: Its folder, with the jobs and, at the places that the record names, the scenes.
+        rows: Rows that count; all if empty.
 
     Raises:
+        UnknownNameError: The run has no such row.
         GraycardError: No scene or no fit of a track was measured, or a folder is not there.
     """
+    known = [method.name for method in record.methods]
+    if strange := [row for row in rows if row not in known]:
+        raise UnknownNameError("row", strange[0], known)
+    if rows:
+        kept = tuple(result for result in record.results if result.job.method in rows)
+        record = replace(record, results=kept)
     tracks = dict.fromkeys(scene.track for scene in record.scenes)
     return [_measured(track, record, run) for track in tracks]
 
@@ -113,7 +123,8 @@ def outlook(
             (jobs, measured.scoring_s),
         )
     )
-    hours = (rendering + fits + scoring) / (cores * efficiency)
+    longest = measured.rendering_s + max(measured.row_s.values()) + measured.scoring_s
+    hours = max((rendering + fits + scoring) / (cores * efficiency), longest / 3600)
     disk = (scenes * measured.scene_bytes + jobs * measured.job_bytes) / 1e9
     cost = None if price is None else hours * cores * price
     return Outlook(measured, scenes, methods, rendering, fits, scoring, disk, hours, cost)
@@ -148,12 +159,20 @@ def _measured(track: str, record: RunRecord, run: Path) -> Measured:
         len(fits),
         len(costs),
         fmean(own) + sum(donors.values()) / len(scenes),
-        _fit_s(costs),
+        fmean(times := _fit_s(costs)),
         fmean(scores),
         sum(map(_size, places)) / len(scenes),
         fmean(_size(job_folder(run, result)) for result in jobs),
         max(cost.peak_memory_mib for cost in costs),
+        _by_row(jobs, times),
     )
+
+
+def _by_row(jobs: Sequence[JobResult], times: Sequence[float]) -> dict[str, float]:
+    found: dict[str, list[float]] = {}
+    for result, seconds in zip(jobs, times, strict=True):
+        found.setdefault(result.job.method, []).append(seconds)
+    return {row: fmean(seconds) for row, seconds in found.items()}
 
 
 def _rendering(run: Path, track: str) -> dict[str, float]:
@@ -163,15 +182,14 @@ def _rendering(run: Path, track: str) -> dict[str, float]:
     return {name: cost.cpu_s for name, cost in costs.items() if cost is not None}
 
 
-def _fit_s(costs: Sequence[Cost]) -> float:
-    """Return the mean CPU time of fits, seconds; that of a fit which found stages done follows from its wall
-    time.
+def _fit_s(costs: Sequence[Cost]) -> list[float]:
+    """Return the CPU time of fits, seconds; that of a fit which found stages done follows from its wall time.
 
     Such fits are of some rows and not of others, so leaving them out would count the others alone.
     """
     known = [cost for cost in costs if cost.cpu_s is not None]
     cores = sum(cost.cpu_s or 0.0 for cost in known) / max(sum(cost.wall_s for cost in known), 1e-9)
-    return fmean(cost.wall_s * cores if cost.cpu_s is None else cost.cpu_s for cost in costs)
+    return [cost.wall_s * cores if cost.cpu_s is None else cost.cpu_s for cost in costs]
 
 
 def _size(folder: Path) -> int:

@@ -19,7 +19,7 @@ from graycard.io import silent, write_json
 from graycard.records import Cost, RunRecord, job_folder, read_run
 from graycard.synth import RenderSettings, SceneSpec
 
-COST = Measured("dark", 2, 6, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0)
+COST = Measured("dark", 2, 6, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0, {"a": 72.0})
 
 
 def test_hours_disk_and_price_of_a_large_run():
@@ -32,6 +32,8 @@ def test_hours_disk_and_price_of_a_large_run():
     assert plan.disk_gb == pytest.approx(50 + 200)
     assert plan.price == pytest.approx(1200 / 0.9 * 0.05), "idle cores are paid as well"
     assert outlook(COST, 1000, 50, cores=64).price is None
+    longest = (360 + 72 + 7.2) / 3600
+    assert outlook(COST, 1, 1, cores=10_000).hours == pytest.approx(longest), "a job takes no two cores"
 
 
 @pytest.mark.parametrize(
@@ -100,6 +102,19 @@ def test_a_fit_that_found_stages_done_counts_by_its_wall_time(run: Path):
     cores = sum(known) / len(known)
     assert (found.fits, found.all_fits) == (len(known), len(known) + 1)
     assert found.fit_s == pytest.approx((30 * cores + sum(known)) / (len(known) + 1))
+
+
+def test_rows_that_are_named_count_alone(run: Path, capsys: pytest.CaptureFixture[str]):
+    record = read_run(run)
+    one, *_ = (method.name for method in record.methods)
+    (found,) = measured_costs(record, run, [one])
+    own = [r.cost.cpu_s for r in record.results if r.job.method == one and r.cost]
+    assert found.fit_s == pytest.approx(sum(filter(None, own)) / len(own))
+    assert found.row_s == {one: found.fit_s}
+    assert main(["plan", str(run), "--rows", one]) == 0
+    assert f"dark {one}" in capsys.readouterr().out
+    assert main(["plan", str(run), "--rows", one + "s"]) == 2
+    assert f"(did you mean {one!r}?)" in capsys.readouterr().err
 
 
 def test_scenes_that_objects_come_from_are_counted(run: Path):

@@ -57,12 +57,33 @@ def is_decided(claim: ClaimResult) -> bool:
 
 def newest_claims(folders: Iterable[Path]) -> dict[str, ClaimResult]:
     """Return each claim as the newest run has it that can test it, or else as the newest has it."""
-    found: dict[str, ClaimResult] = {}
+    return {name: claim for name, (claim, _) in _newest(folders).items()}
+
+
+def _newest(folders: Iterable[Path]) -> dict[str, tuple[ClaimResult, str]]:
+    """Return the same with the name of the run."""
+    found: dict[str, tuple[ClaimResult, str]] = {}
     for folder in sorted(folders, key=lambda folder: read_run(folder).started):
         for name, claim in claims_in(folder).items():
             if name not in found or claim.verdict != NOT_TESTED:
-                found[name] = claim
+                found[name] = claim, folder.name
     return found
+
+
+def whole_block(folders: Iterable[Path]) -> str:
+    """Return how many claims are decided, and the verdict of each that can be tested."""
+    newest = _newest(folders)
+    names = sorted(newest, key=lambda name: ("SRG".index(name[0]), int(name[1:])))
+    claims = {name: newest[name][0] for name in names}
+    tested = [name for name in names if claims[name].verdict != NOT_TESTED]
+    rows = [
+        (name, cell(claims[name].sentence), _word(claims[name]), _share(claims[name]), f"`{newest[name][1]}`")
+        for name in tested
+    ]
+    head = ("claim", "it says", "verdict", "refits that agree", "run")
+    rest = ", ".join(name for name in names if name not in tested)
+    words = decided_words(claims, "these runs")
+    return f"{words}\n\n{table(head, rows)}\nNot testable on these runs: {rest}.\n"
 
 
 def decided_words(claims: Mapping[str, ClaimResult], runs: str = "this run") -> str:

@@ -32,10 +32,12 @@ class PlanCommand:
     """Scenes of each track."""
     methods: Annotated[int, optional("N")] = 50
     """Rows on each scene."""
+    rows: Annotated[tuple[str, ...], optional("ROW ...")] = ()
+    """Count these rows of the run alone, as those that fit something; all by default."""
     cores: Annotated[int, optional("N")] = 64
     """Cores that work at the same time."""
     efficiency: Annotated[float, optional("SHARE")] = 0.84
-    """Share of their time in which they work (docs/how-to/many-machines.md has what was measured)."""
+    """Share of their time in which they work; the default was measured with two workers of one machine."""
     price: Annotated[float | None, optional("FLOAT")] = None
     """Price of one core hour; the price of the run is in the same currency."""
     json: Json = None
@@ -45,7 +47,7 @@ class PlanCommand:
         """Show a row for each track, and the sum.
 
         Raises:
-            GraycardError: The run measured no costs, or a number is out of its range.
+            GraycardError: The run measured no costs or has no such row, or a number is out of its range.
         """
         from graycard.benchmarks.planning import measured_costs, outlook
 
@@ -58,11 +60,13 @@ class PlanCommand:
         try:
             found = [
                 outlook(cost, self.scenes, self.methods, self.cores, self.efficiency, self.price)
-                for cost in measured_costs(record, self.run_folder)
+                for cost in measured_costs(record, self.run_folder, self.rows)
             ]
         except ValueError as error:
             raise GraycardError(str(error)) from error
         terminal.out.print(_means(found))
+        terminal.out.print()
+        terminal.out.print(_rows(found))
         terminal.out.print()
         terminal.out.print(_plan(found))
         write_optional_json(self.json, found)
@@ -86,6 +90,15 @@ def _means(found: Sequence[Outlook]) -> Table:
             *(f"{size / 1e6:,.1f} MB" for size in (cost.scene_bytes, cost.job_bytes)),
             f"{cost.peak_mib:,.0f} MiB",
         )
+    return table
+
+
+def _rows(found: Sequence[Outlook]) -> Table:
+    """Return the CPU time of a fit of each row, dearest first."""
+    table = new_table("mean of rows", "fit")
+    for cost in (plan.measured for plan in found):
+        for row, seconds in sorted(cost.row_s.items(), key=lambda of: -of[1]):
+            table.add_row(f"{cost.track} {row}", f"{seconds:,.1f} CPU s")
     return table
 
 
