@@ -51,6 +51,10 @@ _APART = {"footprint": 0.05, "untouched": 0.5, "mirror": 0.5, "shadow": 0.8, "bl
 """Share of two masks that may be in one alone: at the rims of shadows, and of bleeding, noise decides; there
 are 0.01, 0.2, 0.15, 0.42 and 0.52 in the table scenes with 64 light paths a pixel, less with more."""
 
+_INSIDE, _FEW_INSIDE, _LEAST_INSIDE = 0.05, 3, 10
+"""Share of a mask without its rim that may be missing in another one, and some of a small one; and pixels
+from which it is judged. In the table scenes it is 0.04 or less."""
+
 _RIM = 1e-3
 """Share of a light's largest irradiance in a view above which a point is lit for certain."""
 
@@ -114,6 +118,20 @@ def _check_effects(rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
         yield picture.at.judge(
             "effects again", apart, _APART[name.removeprefix("effect.")], "of the marked pixels", told
         )
+        yield from _check_inside(picture, name, a, b)
+
+
+def _check_inside(picture: TruePicture, name: str, stored: np.ndarray, again: np.ndarray) -> Iterator[Check]:
+    """Judge two masks without the pixels at their rims, which chance decides: neither lacks a part."""
+    for mask, other, told in (
+        (again, stored, f"{name} is whole; looks like a part of the mask that is lost"),
+        (stored, again, f"{name} has no more than another rendering; looks like the mask of another effect"),
+    ):
+        inside = ndimage.minimum_filter(mask, size=3)
+        if (count := int(inside.sum())) >= _LEAST_INSIDE:
+            lost = float((inside & ~other).sum() / count)
+            bound = _INSIDE + _FEW_INSIDE / count
+            yield picture.at.judge("effects again: inside", lost, bound, "of the pixels off the rim", told)
 
 
 def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:

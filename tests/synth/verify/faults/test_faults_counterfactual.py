@@ -37,6 +37,30 @@ def no_shadow_and_no_mirror_image(layers: Layers, view: View):
         layers[f"effect.{name}"] = np.zeros_like(layers[f"effect.{name}"])
 
 
+def left_half(mask: np.ndarray) -> slice:
+    """Return the columns that hold half of a mask's pixels."""
+    return slice(0, int(np.median(np.nonzero(mask)[1])) + 1)
+
+
+@FAULTS.in_layers("tabletop", "effects marked", "looks like masks that are lost")
+def half_of_all_effects(layers: Layers, view: View):
+    names = [f"effect.{name}" for name in ("shadow", "mirror", "bleeding")]
+    lost = left_half(np.any([layers[name] > 0 for name in names], axis=0))
+    for name in names:
+        layers[name][:, lost] = 0
+
+
+@FAULTS.in_layers("tabletop", "effects again: inside", "a part of the mask that is lost", views=1)
+def half_of_the_mirror_image(layers: Layers, view: View):
+    layers["effect.mirror"][:, left_half(layers["effect.mirror"] > 0)] = 0
+
+
+@FAULTS.in_layers("tabletop", "effects again: inside", "the mask of another effect", views=1)
+def half_of_the_view_in_shadow(layers: Layers, view: View):
+    upper = len(layers["effect.shadow"]) // 2
+    layers["effect.shadow"][upper:][layers["effect.untouched"][upper:] == 0] = 1
+
+
 @FAULTS.in_layers("tabletop", "footprint at the target", "mask of another object or view")
 def footprint_of_everything(layers: Layers, view: View):
     layers["effect.footprint"] = np.ones_like(layers["effect.footprint"])
