@@ -124,7 +124,8 @@ def fit_scene(
         decomposition, spent = fit.timed(capture, priors)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
-            changes = replace(changes, guest=_guest(fit, known, donor, changes))
+            guest, resumed = _guest(fit, known, donor, changes)
+            changes, spent = replace(changes, guest=guest), replace(spent, resumed=spent.resumed or resumed)
         fit.method.progress = narrowed(progress, FITTING, 1.0)
         cost = _written(fit, decomposition, capture, changes, spent, predictions, alone=donor is None)
         if save is not None:
@@ -209,8 +210,10 @@ def _written(
     return Cost(elapsed, peak, counts, None if taken is None else taken + time.process_time() - begun)
 
 
-def _guest(fit: _Fit, known: Known, donor: Path, changes: Changes) -> Guest | None:
-    """Return the object that is to be put in; the copy of its capture lives as long as that of the scene.
+def _guest(fit: _Fit, known: Known, donor: Path, changes: Changes) -> tuple[Guest | None, bool]:
+    """Return the object that is to be put in, and whether its fit found stages done.
+
+    The copy of its capture lives as long as that of the scene.
 
     Raises:
         MethodError: The method puts no objects into scenes, or cannot fit this one.
@@ -224,9 +227,12 @@ def _guest(fit: _Fit, known: Known, donor: Path, changes: Changes) -> Guest | No
 
     def fit_donor(capture: Capture) -> Decomposition:
         priors = priors_for(known.needs, known.asks, spec.priors, capture, donor)
-        return fit.fitted(capture, priors)[0]
+        decomposition, found = fit.fitted(capture, priors)
+        resumed.append(found.seconds > 0)
+        return decomposition
 
-    return guest_of(donor, fit.capture_of(donor), changes.composition, fit_donor)
+    resumed: list[bool] = []
+    return guest_of(donor, fit.capture_of(donor), changes.composition, fit_donor), any(resumed)
 
 
 def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:

@@ -131,6 +131,8 @@ def _fit(asked: _Asked) -> Outcome:
     """Fit, in a worker, with as many threads as cores; with those that the user has asked a library for."""
     given = asked.spec, asked.predictions, worker_progress(), asked.save
     of_user = {name: os.environ[name] for name in THREADS if name in os.environ}
+    if "OMP_NUM_THREADS" in of_user:
+        of_user.setdefault("MKL_NUM_THREADS", of_user["OMP_NUM_THREADS"])  # torch asks MKL first
     with threads_limited(usable_cores()):
         os.environ.update(of_user)
         return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)

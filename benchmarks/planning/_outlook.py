@@ -2,14 +2,15 @@
 """Work out what a large run would take, from the costs that a small one measured."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean
+from statistics import fmean, median
 
-from graycard import GraycardError, UnknownNameError
+from graycard import GraycardError, UnknownNameError, open_truth
 from graycard.benchmarks._jobs import SCORING, CpuCost, read_or_none, rendering_cost
-from graycard.records import Cost, JobResult, RunRecord, job_folder
+from graycard.records import JobResult, RunRecord, job_folder
+from graycard.synth import donor_scene, scene_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +78,10 @@ def measured_costs(record: RunRecord, run: Path, rows: Collection[str] = ()) -> 
     known = [method.name for method in record.methods]
     if strange := [row for row in rows if row not in known]:
         raise UnknownNameError("row", strange[0], known)
-    if rows:
-        kept = tuple(result for result in record.results if result.job.method in rows)
-        record = replace(record, results=kept)
-    tracks = dict.fromkeys(scene.track for scene in record.scenes)
-    return [_measured(track, record, run) for track in tracks]
+    counted = [r for r in record.results if not rows or r.job.method in rows]
+    there = {result.job.track for result in counted}
+    tracks = [t for t in dict.fromkeys(scene.track for scene in record.scenes) if not rows or t in there]
+    return [_measured(track, record, counted, run) for track in tracks]
 
 
 def outlook(
@@ -130,66 +130,82 @@ def outlook(
     return Outlook(measured, scenes, methods, rendering, fits, scoring, disk, hours, cost)
 
 
-def _measured(track: str, record: RunRecord, run: Path) -> Measured:
+def _measured(track: str, record: RunRecord, counted: Sequence[JobResult], run: Path) -> Measured:
     scenes = [scene for scene in record.scenes if scene.track == track]
-    names = {scene.scene for scene in scenes}
-    rendered = _rendering(run, track)
-    own = [cpu_s for name, cpu_s in rendered.items() if name in names]
-    donors = {name: cpu_s for name, cpu_s in rendered.items() if name not in names}
     folders = [run / scene.folder for scene in scenes]
-    places = [*folders, *(folders[0].with_name(name) for name in donors)]
-    jobs = [result for result in record.results if result.job.track == track and result.cost is not None]
-    costs = [result.cost for result in jobs if result.cost is not None]
-    fits = [cost.cpu_s for cost in costs if cost.cpu_s is not None]
+    donors = _donors(folders)
+    own = _rendering(run, track, [scene.scene for scene in scenes])
+    of_donors = _rendering(run, track, donors)
+    jobs = [result for result in counted if result.job.track == track and result.cost is not None]
+    times = _fit_s(jobs, [result for result in record.results if result.job.track == track])
     scores = [
         cost.cpu_s
         for result in jobs
         if (cost := read_or_none(CpuCost, job_folder(run, result) / SCORING)) is not None
     ]
-    for what, found in (("scene", own), ("fit", fits), ("set of scores", scores)):
+    for what, found in (("scene", own), ("fit", times), ("set of scores", scores)):
         if not found:
             raise GraycardError(
                 f"expected {run} to have measured a {what} of track {track}, got none. Costs are kept of "
                 "what this version made in one go, and of no scene that several workers rendered in parts. "
                 "Run `graycard bench` into an empty folder, without --scheduler"
             )
+    known = sum(result.cost is not None and result.cost.cpu_s is not None for result in jobs)
+    places = [*folders, *(folders[0].with_name(name) for name in of_donors)]
     return Measured(
         track,
         len(own),
-        len(fits),
-        len(costs),
-        fmean(own) + sum(donors.values()) / len(scenes),
-        fmean(times := _fit_s(costs)),
+        known,
+        len(jobs),
+        fmean(own.values()) + sum(of_donors.values()) / len(scenes),
+        fmean(times),
         fmean(scores),
         sum(map(_size, places)) / len(scenes),
         fmean(_size(job_folder(run, result)) for result in jobs),
-        max(cost.peak_memory_mib for cost in costs),
+        max(result.cost.peak_memory_mib for result in jobs if result.cost is not None),
         _by_row(jobs, times),
     )
 
 
+def _donors(folders: Iterable[Path]) -> list[str]:
+    """Return the names of the scenes that objects of some scenes come from."""
+    found = (open_truth(f / "truth", check=False).composition() for f in folders if (f / "truth").is_dir())
+    return sorted({scene_name(donor_scene(known.donor)) for known in found if known is not None})
+
+
+def _rendering(run: Path, track: str, names: Iterable[str]) -> dict[str, float]:
+    """Return the CPU time that scenes took, seconds; those are left out whose cost was not kept."""
+    costs = {name: read_or_none(CpuCost, rendering_cost(run, track, name)) for name in names}
+    return {name: cost.cpu_s for name, cost in costs.items() if cost is not None}
+
+
+def _fit_s(jobs: Sequence[JobResult], track: Sequence[JobResult]) -> list[float]:
+    """Return the CPU time of fits, seconds; that of a fit which found stages done follows from its wall time.
+
+    Such fits are of some rows and not of others, so leaving them out would count the others alone.
+
+    Args:
+        jobs: The fits, with their costs.
+        track: All fits of the track: they tell how many cores a fit of a row keeps busy.
+    """
+    shares: dict[str, list[float]] = {}
+    for result in track:
+        if result.cost is not None and result.cost.cpu_s is not None and result.cost.wall_s > 0:
+            shares.setdefault(result.job.method, []).append(result.cost.cpu_s / result.cost.wall_s)
+    cores = {row: fmean(of_row) for row, of_row in shares.items()}
+    if not cores:
+        return []
+    usual = median(cores.values())
+    costs = [(result.cost, cores.get(result.job.method, usual)) for result in jobs]
+    return [c.wall_s * busy if c.cpu_s is None else c.cpu_s for c, busy in costs if c is not None]
+
+
 def _by_row(jobs: Sequence[JobResult], times: Sequence[float]) -> dict[str, float]:
+    """Return the mean of the times of each row."""
     found: dict[str, list[float]] = {}
     for result, seconds in zip(jobs, times, strict=True):
         found.setdefault(result.job.method, []).append(seconds)
     return {row: fmean(seconds) for row, seconds in found.items()}
-
-
-def _rendering(run: Path, track: str) -> dict[str, float]:
-    """Return the CPU time that each scene of a track took, and each that objects come from, in seconds."""
-    files = rendering_cost(run, track, "").parent.glob("*.json")
-    costs = {file.stem: read_or_none(CpuCost, file) for file in sorted(files)}
-    return {name: cost.cpu_s for name, cost in costs.items() if cost is not None}
-
-
-def _fit_s(costs: Sequence[Cost]) -> list[float]:
-    """Return the CPU time of fits, seconds; that of a fit which found stages done follows from its wall time.
-
-    Such fits are of some rows and not of others, so leaving them out would count the others alone.
-    """
-    known = [cost for cost in costs if cost.cpu_s is not None]
-    cores = sum(cost.cpu_s or 0.0 for cost in known) / max(sum(cost.wall_s for cost in known), 1e-9)
-    return [cost.wall_s * cores if cost.cpu_s is None else cost.cpu_s for cost in costs]
 
 
 def _size(folder: Path) -> int:

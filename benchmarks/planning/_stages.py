@@ -3,7 +3,7 @@
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from graycard.benchmarks._jobs import FitJob
@@ -20,7 +20,8 @@ def staging(run: Path) -> Iterator[None]:
     Raises:
         OutputError: The folder cannot be made.
     """
-    with used_folder(writable_folder(run / STAGES)):
+    with used_folder(run / STAGES) as folder:
+        writable_folder(folder)
         yield
 
 
@@ -36,5 +37,6 @@ def clear_stages(run: Path, plan: Sequence[FitJob]) -> None:
     """
     if not remove_unheld(run / STAGES, shutil.rmtree) and lock_words(run):
         for folder in {job.stages for job in plan if job.stages is not None}:
-            for path in folder.glob("*"):
-                path.unlink(missing_ok=True)
+            for path in folder.glob("[!.]*"):  # hidden ones are partial files, which another bench may write
+                with suppress(OSError):
+                    path.unlink()

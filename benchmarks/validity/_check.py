@@ -87,7 +87,7 @@ class Validity:
     submitted: tuple[str, ...] = ()
     """Rows of predictions that other code has made, and nobody watched."""
     in_history: bool = False
-    """Whether a history beside a published run keeps its hash and its verdicts."""
+    """True where a history beside a published run keeps its hash and its verdicts."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:

@@ -23,15 +23,18 @@ def published_breaches(run: Path) -> list[Breach]:
     """Return what differs from what the history says of a published run; nothing where none is kept."""
     try:
         kept = _kept_entry(run)
-        if kept is None:
-            return []
-        ledger = read_ledger(run)
     except RecordError as cause:
         return [Breach(RULE, HISTORY, str(cause), unknown=True)]
+    if kept is None:
+        return []
     found = []
     if (got := sha256(run / RUN_FILE)) != kept.run_sha256:
         what = f"expected the file that was published, of hash {kept.run_sha256[:12]}, got {got[:12]}"
         found.append(Breach(RULE, RUN_FILE, f"{what}. Take it from where it was published"))
+    try:
+        ledger = read_ledger(run)
+    except RecordError as cause:
+        return [*found, Breach(RULE, CLAIMS, str(cause))]
     claims = [claim for paper in ledger.papers for claim in paper.claims] if ledger else []
     verdicts: dict[str, str] = {claim.id: claim.verdict for claim in claims}
     for claim in kept.claims.values():

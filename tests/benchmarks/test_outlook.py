@@ -6,13 +6,14 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from statistics import fmean, median
 
 import pytest
 
 from graycard.benchmarks import FitSpec
 from graycard.benchmarks._fit import fit_scene
 from graycard.benchmarks._jobs import RenderJob, rendering_cost, run_render
-from graycard.benchmarks.planning import measured_costs, outlook
+from graycard.benchmarks.planning import _outlook, measured_costs, outlook
 from graycard.benchmarks.planning._outlook import Measured
 from graycard.cli import main
 from graycard.io import silent, write_json
@@ -97,11 +98,29 @@ def test_a_fit_that_found_stages_done_counts_by_its_wall_time(run: Path):
     first, *others = record.results
     assert first.cost is not None
     dear = replace(first, cost=replace(first.cost, wall_s=30.0, cpu_s=None))
-    (found,) = measured_costs(replace(record, results=(dear, *others)), run)
+    again = replace(record, results=(dear, *others))
+    (found,) = measured_costs(again, run)
     known = [10.0 + number for number in range(1, len(record.results))]  # in 1 s of wall time each
-    cores = sum(known) / len(known)
+    of_row = [r.cost.cpu_s for r in others if r.job.method == first.job.method and r.cost and r.cost.cpu_s]
+    cores = sum(of_row) / len(of_row)
     assert (found.fits, found.all_fits) == (len(known), len(known) + 1)
     assert found.fit_s == pytest.approx((30 * cores + sum(known)) / (len(known) + 1))
+
+
+def test_a_row_that_always_found_stages_done_counts_by_the_cores_of_the_others(run: Path):
+    record = read_run(run)
+    row = record.results[0].job.method
+    results = [
+        replace(r, cost=replace(r.cost, wall_s=30.0, cpu_s=None)) if r.job.method == row and r.cost else r
+        for r in record.results
+    ]
+    (found,) = measured_costs(replace(record, results=tuple(results)), run, [row])
+    others = {r.job.method: [] for r in record.results if r.job.method != row}
+    for result in record.results:
+        if result.job.method != row and result.cost:
+            others[result.job.method].append(result.cost.cpu_s)
+    assert (found.fits, found.all_fits) == (0, len(record.scenes))
+    assert found.fit_s == pytest.approx(30 * median(fmean(times) for times in others.values()))
 
 
 def test_rows_that_are_named_count_alone(run: Path, capsys: pytest.CaptureFixture[str]):
@@ -117,12 +136,15 @@ def test_rows_that_are_named_count_alone(run: Path, capsys: pytest.CaptureFixtur
     assert f"(did you mean {one!r}?)" in capsys.readouterr().err
 
 
-def test_scenes_that_objects_come_from_are_counted(run: Path):
+def test_scenes_that_objects_come_from_are_counted(run: Path, monkeypatch: pytest.MonkeyPatch):
+    """Others that lie in the folder, as of an earlier bench, are not."""
     record = read_run(run)
+    write_json(rendering_cost(run, record.scenes[0].track, "of-an-earlier-bench"), {"cpu_s": 1e4})
     (before,) = measured_costs(record, run)
     scene = run / record.scenes[0].folder
     shutil.copytree(scene, scene.with_name("donor-0000"))
     write_json(rendering_cost(run, record.scenes[0].track, "donor-0000"), {"cpu_s": 50.0})
+    monkeypatch.setattr(_outlook, "_donors", lambda folders: ["donor-0000"])
     (found,) = measured_costs(record, run)
     scenes = len(record.scenes)
     assert found.scenes == scenes

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits of a run that share stages: what one has saved is found by the next, and counts as time of both."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -115,3 +116,38 @@ def test_a_bench_that_ends_leaves_the_folders_that_another_one_uses(
     clear_stages(run, plan)
     assert not (stages / "late").exists()
     assert (run / "stages").exists() == (locks == "files")
+
+
+def test_stages_may_be_a_link_to_another_disk(tmp_path: Path) -> None:
+    (tmp_path / "scratch").mkdir()
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "stages").symlink_to(tmp_path / "scratch")
+    with staging(tmp_path / "run"):
+        assert (tmp_path / "scratch").is_dir()
+
+
+def test_stages_that_were_removed_meanwhile_are_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened, removed = os.open, []
+
+    def open_late(path: str | Path, flags: int, *rest: int) -> int:
+        if Path(path).name == "stages" and not removed:
+            removed.append(os.rmdir(path))
+        return opened(path, flags, *rest)
+
+    monkeypatch.setattr(os, "open", open_late)
+    with staging(tmp_path):
+        assert (tmp_path / "stages").is_dir()
+    assert removed == [None]
+
+
+def test_clearing_leaves_what_another_bench_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GRAYCARD_LOCKS", "files")
+    stages = tmp_path / "stages" / "code" / "capture"
+    (stages / "folder").mkdir(parents=True)
+    for name in (".a.safetensors.abcdefgh.partial", "b.safetensors"):
+        (stages / name).touch()
+    job = Job("dark", "room", "row", 0, {}, "row")
+    clear_stages(tmp_path, [FitJob(job, "", tmp_path, tmp_path, 1, stages=stages)])
+    assert sorted(path.name for path in stages.iterdir()) == [".a.safetensors.abcdefgh.partial", "folder"]

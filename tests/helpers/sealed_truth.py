@@ -6,8 +6,8 @@ suite that the run keeps. Each has to pass what ``graycard verify`` checks. Then
 is scored on it, and its scores have to be those of the record but for rounding. A processor of another kind
 rounds otherwise, so hashes of the truth do not tell.
 
-OUT/verified.jsonl has a line for each scene. Those that have passed are not done again. It can be cut off at
-any time. The exit code is 1 if any scene fails.
+OUT/verified.jsonl has a line for each scene, or several, of which the last counts. Scenes that have passed
+are not done again. It can be cut off at any time. The exit code is 1 if any scene has failed.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from typing import Any
 from graycard.benchmarks import Suite, opened
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
 from graycard.benchmarks._sources import environment
-from graycard.io import from_builtins, read_json, write_bytes
+from graycard.io import from_builtins, read_json
 from graycard.records import Job, JobResult, Score, read_run
 from graycard.resources import usable_cores
 from graycard.synth import render_scene, scene_name
@@ -151,10 +151,10 @@ def _told(line: Mapping[str, Any]) -> str:
     return f"{words}, {line['skipped']} skipped{scores}"
 
 
-def _passed(kept: Path) -> list[dict[str, Any]]:
-    """Return the lines of scenes that have passed; the others are done anew."""
+def _last_lines(kept: Path) -> dict[tuple[str, int], dict[str, Any]]:
+    """Return the last line of each scene, by run and number."""
     lines = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
-    return [line for line in lines if not line["failed"]]
+    return {(line["run"], line["number"]): line for line in lines}
 
 
 def main() -> int:
@@ -168,9 +168,8 @@ def main() -> int:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     kept = given.out / "verified.jsonl"
-    lines = _passed(kept)
-    write_bytes(kept, "".join(json.dumps(line) + "\n" for line in lines).encode())
-    done = {(line["run"], line["number"]) for line in lines}
+    lines = _last_lines(kept)
+    done = {place for place, line in lines.items() if not line["failed"]}
     tasks = [
         Task(run.resolve(), number, given.out.resolve(), time.time() + given.seconds)
         for run in given.runs
@@ -179,12 +178,12 @@ def main() -> int:
     ]
     with get_context("spawn").Pool(usable_cores(), maxtasksperchild=1) as pool, kept.open("a") as file:
         for line in filter(None, pool.imap_unordered(verified, tasks)):
-            lines.append(line)
+            lines[line["run"], line["number"]] = line
             file.write(json.dumps(line) + "\n")
             file.flush()
             sys.stdout.write("\n  ".join([_told(line), *line["failures"]]) + "\n")
             sys.stdout.flush()
-    return any(line["failed"] for line in lines)
+    return any(line["failed"] for line in lines.values())
 
 
 if __name__ == "__main__":

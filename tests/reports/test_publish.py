@@ -237,6 +237,15 @@ def turn_a_verdict(folder: Path) -> None:
     (folder / "claims.json").write_text(json.dumps(data))
 
 
+def damage_the_claims(folder: Path) -> None:
+    (folder / "claims.json").write_text("{")
+
+
+def damage_claims_and_scores(folder: Path) -> None:
+    raise_scores(folder)
+    damage_the_claims(folder)
+
+
 def damage_the_history(folder: Path) -> None:
     (folder.parent / HISTORY).write_text("{")
 
@@ -246,6 +255,8 @@ def damage_the_history(folder: Path) -> None:
     [
         (raise_scores, 1, "broken: published: run.json: expected the file that was published"),
         (turn_a_verdict, 1, "broken: published: claims.json: "),
+        (damage_the_claims, 1, "broken: published: claims.json: expected JSON"),
+        (damage_claims_and_scores, 1, "broken: published: run.json: expected the file that was published"),
         (damage_the_history, 2, "Nothing here tells whether run.json is as it was then"),
     ],
 )

@@ -173,6 +173,23 @@ def test_a_lock_that_was_taken_meanwhile_is_put_back(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
 
+@pytest.mark.parametrize("missing", ["link", "reading"])
+def test_a_live_lock_is_put_back_whatever_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    of_another_machine(tmp_path / ".lock")
+    dead = read_sign(tmp_path / ".lock")
+    assert dead is not None
+    (tmp_path / ".lock").write_text("process 13 on node8\nanother-boot pid:[1] 13 345\ndef")
+    if missing == "link":
+        monkeypatch.setattr(os, "link", refuse_call)
+    else:
+        monkeypatch.setattr(_marks, "read_sign", refuse_call)
+    _marks.set_aside(tmp_path / ".lock", dead)
+    assert (tmp_path / ".lock").read_text().startswith("process 13 on node8")
+    assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+
+
 def test_what_another_machine_may_still_write_is_not_left_over(tmp_path: Path, shared: None) -> None:
     young, old = tmp_path / ".a.exr.abcdefgh.partial", tmp_path / ".b.exr.abcdefgh.partial"
     folder = tmp_path / ".run.abcdefgh.partial"

@@ -28,7 +28,6 @@ from graycard.io._files import sha256_of_files as sha256_of_files
 from graycard.io._files import writable_folder as writable_folder
 from graycard.io._files import write_bytes as write_bytes
 from graycard.io._hold import remove_unheld as remove_unheld
-from graycard.io._hold import used_folder as used_folder
 from graycard.io._json import check_version as check_version
 from graycard.io._json import dumps as dumps
 from graycard.io._json import from_builtins as from_builtins
@@ -39,6 +38,7 @@ from graycard.io._json import to_builtins as to_builtins
 from graycard.io._json import write_json as write_json
 from graycard.io._leftovers import remove_leftovers as remove_leftovers
 from graycard.io._leftovers import temporary_folder as temporary_folder
+from graycard.io._leftovers import used_folder as used_folder
 from graycard.io._lock import file_lock as file_lock
 from graycard.io._lock import lock_words as lock_words
 from graycard.io._manifest import FORMAT_VERSION as FORMAT_VERSION

@@ -7,8 +7,7 @@ import os
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -52,30 +51,6 @@ def let_go(descriptor: int) -> None:
     if descriptor in _held:
         _held.discard(descriptor)
         os.close(descriptor)
-
-
-@contextmanager
-def used_folder(folder: Path) -> Iterator[None]:
-    """Keep a folder from being removed by :func:`remove_unheld` for the time of the block; others may do the
-    same. It is made anew where that was quicker.
-
-    Raises:
-        OSError: It cannot be made or opened.
-    """
-    if sys.platform == "win32":
-        yield
-        return
-    while True:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-        hold(descriptor, shared=True)
-        if is_at(descriptor, folder):
-            break
-        let_go(descriptor)
-    try:
-        yield
-    finally:
-        let_go(descriptor)
 
 
 def is_at(descriptor: int, path: Path) -> bool:

@@ -76,6 +76,43 @@ def temporary_folder() -> Iterator[Path]:
             let_go(held)
 
 
+@contextmanager
+def used_folder(folder: Path) -> Iterator[Path]:
+    """Keep a folder from being removed by :func:`remove_unheld` for the time of the block; yield it.
+
+    Others may use it at the same time. It is made anew where a removal was quicker.
+
+    Raises:
+        OutputError: It cannot be made or opened.
+    """
+    if sys.platform == "win32":
+        yield folder
+        return
+    try:
+        real, held = _used(folder)
+    except OSError as cause:
+        raise output_error(folder, cause) from cause
+    try:
+        yield real
+    finally:
+        let_go(held)
+
+
+def _used(folder: Path) -> tuple[Path, int]:
+    """Return a folder, links resolved, with a descriptor that holds it beside others."""
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        real = folder.resolve()
+        try:
+            held = os.open(real, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except FileNotFoundError:
+            continue  # another process has just removed it
+        hold(held, shared=True)
+        if is_at(held, real):
+            return real, held
+        let_go(held)
+
+
 def _beat(root: Path, ended: threading.Event) -> None:
     """Give signs of life, as long as a folder is in use."""
     while not ended.wait(BEAT_S):

@@ -95,7 +95,7 @@ def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
     """
     waited = False
     while True:
-        descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
         if not hold(descriptor, wait=False):
             if not waited:
                 on_wait(_holder(path))

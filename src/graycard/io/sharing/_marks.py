@@ -150,10 +150,26 @@ def set_aside(path: Path, dead: Sign) -> None:
     aside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.lock")
     with contextlib.suppress(FileNotFoundError):
         os.rename(path, aside)  # one of those who wait does it
-        if read_sign(aside) != dead:
-            with contextlib.suppress(FileExistsError):
-                os.link(aside, path)
-        aside.unlink()
+        try:
+            is_dead = read_sign(aside) == dead
+        except OSError:
+            is_dead = False  # that of the dead holder could be read
+        if is_dead:
+            aside.unlink()
+        else:
+            _put_back(aside, path)
+
+
+def _put_back(aside: Path, path: Path) -> None:
+    """Give a lock file its name again, unless another process has made one meanwhile."""
+    try:
+        os.link(aside, path)
+    except FileExistsError:
+        pass
+    except OSError:  # the file system has no hard links
+        os.rename(aside, path)
+        return
+    aside.unlink()
 
 
 def _beat(path: Path, content: bytes, ended: threading.Event) -> None:
