@@ -11,7 +11,7 @@ from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sources import checkout, git, is_changed, unknown_code
 from graycard.benchmarks._suites import Suite, load_suite, suite_names, suite_path
-from graycard.benchmarks.claims import claims_of_suite, claims_path
+from graycard.benchmarks.claims import claims_names, claims_of_suite, claims_path
 from graycard.io import sha256
 from graycard.records import Edition
 from graycard.synth import SceneSpec, scene_name
@@ -57,6 +57,8 @@ def refuse_sealed(specs: Iterable[SceneSpec], also: Suite | None = None) -> None
 def find_edition(suite: str) -> Edition:
     """Return the tag, or the release, that vouches for code, suite and claims as they are here.
 
+    Of a suite that no claims are made for, all are named that come along: ``--any-suite`` may judge by them.
+
     Args:
         suite: Name of a suite, or a path.
 
@@ -64,7 +66,8 @@ def find_edition(suite: str) -> Edition:
         UnknownNameError: There is no such suite.
         RunError: Nothing vouches for them; the text says what is to be done.
     """
-    claims = {name: claims_path(name) for name in claims_of_suite(load_suite(suite).name)}
+    names = claims_of_suite(load_suite(suite).name) or claims_names()
+    claims = {name: claims_path(name) for name in names}
     files = {**claims, "suite": suite_path(suite)}
     root = checkout()
     found = edition_of_release(files) if root is None else edition_of_checkout(files, root)

@@ -15,6 +15,7 @@ import pytest
 from graycard.benchmarks import Terms, check_result, find_edition, load_suite, opened, run_bench
 from graycard.benchmarks import _edition as edition
 from graycard.benchmarks._run_record import RunError
+from graycard.benchmarks.claims import claims_names
 from graycard.benchmarks.validity import _edition as validity
 from graycard.cli import main
 from graycard.io import silent
@@ -199,3 +200,14 @@ def test_sealed_scenes_without_their_tag(sealed_run: Path, monkeypatch: pytest.M
     assert any(
         "expected no scene that tiny-reserve keeps sealed, got one without --sealed" in x for x in found
     )
+
+
+@pytest.mark.parametrize(
+    ("suite", "names"), [("claims-dark", ["sunfaded"]), ("claims-dark-hd", claims_names())]
+)
+def test_a_tag_vouches_for_the_claims_that_may_judge_a_suite(
+    suite: str, names: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(edition, "edition_of_checkout", lambda files, root: ("edition-9", "0" * 40))
+    monkeypatch.setattr(edition, "edition_of_release", lambda files: ("edition-9", ""))
+    assert sorted(find_edition(suite).claims) == sorted(names)
