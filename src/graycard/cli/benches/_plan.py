@@ -70,13 +70,21 @@ class PlanCommand:
         terminal.out.print()
         terminal.out.print(_plan(found))
         write_optional_json(self.json, found)
-        total = sum(plan.hours for plan in found)
-        price = "" if self.price is None else f", price {sum(plan.price or 0 for plan in found):,.0f}"
+        total, disk = (
+            _rounded(sum(plan.hours for plan in found)),
+            _rounded(sum(plan.disk_gb for plan in found)),
+        )
+        price = "" if self.price is None else f", price {_rounded(sum(plan.price or 0 for plan in found))}"
         terminal.out.print(
-            f"plan: {self.scenes} scenes x {self.methods} methods on {len(found)} tracks: {total:,.0f} h on "
-            f"{self.cores} cores, {sum(plan.disk_gb for plan in found):,.0f} GB{price}"
+            f"plan: {self.scenes} scenes x {self.methods} methods on {len(found)} tracks: "
+            f"{total} h on {self.cores} cores, {disk} GB{price}"
         )
         return OK
+
+
+def _rounded(number: float) -> str:
+    """Return a number with two digits below 10, and without digits behind the point above."""
+    return f"{number:,.0f}" if number >= 10 else f"{number:.2g}"
 
 
 def _means(found: Sequence[Outlook]) -> Table:
@@ -107,7 +115,9 @@ def _plan(found: Sequence[Outlook]) -> Table:
     table = new_table("planned", "rendering", "fits", "scoring", "together", "time", "disk", "price")
     for plan in found:
         parts = plan.rendering_h, plan.fits_h, plan.scoring_h, plan.cpu_h
-        price = "" if plan.price is None else f"{plan.price:,.0f}"
-        hours = (f"{hours:,.0f} CPU h" for hours in parts)
-        table.add_row(plan.measured.track, *hours, f"{plan.hours:,.0f} h", f"{plan.disk_gb:,.0f} GB", price)
+        price = "" if plan.price is None else _rounded(plan.price)
+        hours = (f"{_rounded(hours)} CPU h" for hours in parts)
+        table.add_row(
+            plan.measured.track, *hours, f"{_rounded(plan.hours)} h", f"{_rounded(plan.disk_gb)} GB", price
+        )
     return table
