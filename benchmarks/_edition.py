@@ -57,7 +57,7 @@ def refuse_sealed(specs: Iterable[SceneSpec], also: Suite | None = None) -> None
 def find_edition(suite: str) -> Edition:
     """Return the tag, or the release, that vouches for code, suite and claims as they are here.
 
-    Of a suite that no claims are made for, all are named that come along: ``--any-suite`` may judge by them.
+    For a suite without claims of its own it names all that come along: ``--any-suite`` may judge by them.
 
     Args:
         suite: Name of a suite, or a path.

@@ -85,7 +85,7 @@ def fit_scene(
 ) -> Fitted:
     """Fit a method in a process of its own, to which truth is closed, and write its predictions folder.
 
-    Time and memory are recorded of the scene alone; the CPU time is that of the fit of a donor as well.
+    Wall time and memory are those of the fit to the scene. CPU time includes the fit to a donor.
 
     Args:
         spec: What to fit.

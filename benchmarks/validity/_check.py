@@ -16,7 +16,7 @@ from graycard.benchmarks.validity._files import (
     score_breaches,
     view_breaches,
 )
-from graycard.benchmarks.validity._published import is_in_history, published_breaches
+from graycard.benchmarks.validity._published import held_against_history
 from graycard.benchmarks.validity._record import (
     Breach,
     access_breaches,
@@ -124,19 +124,18 @@ def check_result(
         lambda record, run: _of_suite(record, run, standard),
         edition_breaches,
         lambda record, run: secret_breaches(record, run, standard.suite, salt),
-        lambda record, run: published_breaches(run),
     ]
     walks = _WALKS if rescore else {what: walk for what, walk in _WALKS.items() if what != "scores"}
     progress(0.0, "checking the record")
-    found = [breach for look in looks for breach in look(record, run)]
+    changed, in_history = held_against_history(run)
+    found = [*(breach for look in looks for breach in look(record, run)), *changed]
     for number, (what, walk) in enumerate(walks.items()):
         share = narrowed(progress, number / len(walks), (number + 1) / len(walks))
         found += walk(record, run, named(share, f"checking {what}"))
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
     seen = len(record.results), ways_of(record), tellers_of(record), record.submitted
-    vouched = is_in_history(run)
-    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen, in_history=vouched)
+    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen, in_history=in_history)
 
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:

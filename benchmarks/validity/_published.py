@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hold a published run against the history of verdicts beside it."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from graycard import RecordError
@@ -19,37 +20,35 @@ from graycard.records import (
 RULE = "published"
 
 
-def published_breaches(run: Path) -> list[Breach]:
-    """Return what differs from what the history says of a published run; nothing where none is kept."""
+def held_against_history(run: Path) -> tuple[list[Breach], bool]:
+    """Return what differs from what the history says of a published run, and whether it says anything."""
     try:
         kept = _kept_entry(run)
     except RecordError as cause:
-        return [Breach(RULE, HISTORY, str(cause), unknown=True)]
-    if kept is None:
-        return []
-    found = []
+        return [Breach(RULE, HISTORY, str(cause), unknown=True)], False
+    return ([], False) if kept is None else ([*_of_record(run, kept), *_of_verdicts(run, kept)], True)
+
+
+def _of_record(run: Path, kept: LedgerEntry) -> Iterator[Breach]:
+    """Compare the hash of the record."""
     if (got := sha256(run / RUN_FILE)) != kept.run_sha256:
         what = f"expected the file that was published, of hash {kept.run_sha256[:12]}, got {got[:12]}"
-        found.append(Breach(RULE, RUN_FILE, f"{what}. Take it from where it was published"))
+        yield Breach(RULE, RUN_FILE, f"{what}. Take it from where it was published")
+
+
+def _of_verdicts(run: Path, kept: LedgerEntry) -> Iterator[Breach]:
+    """Compare the verdict of each claim."""
     try:
         ledger = read_ledger(run)
     except RecordError as cause:
-        return [*found, Breach(RULE, CLAIMS, str(cause))]
+        yield Breach(RULE, CLAIMS, str(cause))
+        return
     claims = [claim for paper in ledger.papers for claim in paper.claims] if ledger else []
     verdicts: dict[str, str] = {claim.id: claim.verdict for claim in claims}
     for claim in kept.claims.values():
         if (told := verdicts.get(claim.id, "none")) != claim.verdict:
             what = f"{claim.id}: expected {claim.verdict!r}, as it was published, got {told!r}"
-            found.append(Breach(RULE, CLAIMS, f"{what}. Judge it anew with `graycard claims --republish`"))
-    return found
-
-
-def is_in_history(run: Path) -> bool:
-    """Tell whether a history beside a published run has an entry of it that can be read."""
-    try:
-        return _kept_entry(run) is not None
-    except RecordError:
-        return False
+            yield Breach(RULE, CLAIMS, f"{what}. Judge it anew with `graycard claims --republish`")
 
 
 def _kept_entry(run: Path) -> LedgerEntry | None:

@@ -94,7 +94,7 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
 
 
 def _is_quiet(path: Path) -> bool:
-    """Tell whether nothing of a file or folder has been changed for long, nor anything in it."""
+    """Tell whether neither a file or folder nor anything in it has been changed for long."""
     since = time.time() - _QUIET_S
     inside = (Path(at) / name for at, folders, files in os.walk(path) for name in (*folders, *files))
     with contextlib.suppress(OSError):  # what goes meanwhile is in use
