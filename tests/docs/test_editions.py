@@ -7,15 +7,26 @@ from pathlib import Path
 
 import pytest
 
-from docs_of_editions import claims_in, decided_words, edition_block, is_decided, newest_claims, whole_block
+from docs_of_editions import (
+    claims_in,
+    decided_words,
+    edition_block,
+    is_decided,
+    newest_claims,
+    size_block,
+    whole_block,
+)
 from docs_of_reference import DOCS
 from graycard.io import sha256
 from graycard.records import read_ledger, read_run
 from graycard.reports.history._keep import OWN
-from published import folders_of_second
+from published import SECOND, folders_of_large, folders_of_second
 
 PAGE = DOCS / "results" / "second.md"
 FOLDERS = folders_of_second()
+LARGE = folders_of_large()
+SMALL = {"dark-hd": SECOND / "dark-sealed-2"}
+"""The run that a run of larger pictures is held against."""
 
 
 def parts_of(text: str, name: str) -> tuple[str, str, str]:
@@ -51,7 +62,13 @@ def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
     assert told == wanted, "run `make docs`"
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", LARGE, ids=lambda folder: folder.name)
+def test_the_verdicts_on_larger_pictures_stand_beside_those_of_the_edition(folder: Path):
+    told, wanted = told_and_wanted(folder.name, size_block(folder, SMALL[folder.name]))
+    assert told == wanted, "run `make docs`"
+
+
+@pytest.mark.parametrize("folder", [*FOLDERS, *LARGE], ids=lambda folder: folder.name)
 def test_the_second_edition_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
     run, ledger = read_run(folder), read_ledger(folder)
     assert ledger is not None

@@ -7,13 +7,20 @@ from graycard.records import CLAIMS
 from graycard.reports.history._keep import OWN
 
 SECOND = OWN / "second"
+LARGE = OWN / "large"
 
 
 def published_folders() -> list[Path]:
-    """Return all published folders, of either edition of the ledger."""
-    return sorted([*(path.parent for path in OWN.glob(f"*/{CLAIMS}")), *folders_of_second()])
+    """Return all published folders with a ledger: of either edition, and of larger pictures."""
+    first = [path.parent for path in OWN.glob(f"*/{CLAIMS}")]
+    return sorted([*first, *folders_of_second(), *folders_of_large()])
 
 
 def folders_of_second() -> list[Path]:
     """Return the published folders of the second edition."""
     return sorted(path.parent for path in SECOND.glob(f"*/{CLAIMS}"))
+
+
+def folders_of_large() -> list[Path]:
+    """Return the published folders whose pictures are larger than those of the editions."""
+    return sorted(path.parent for path in LARGE.glob(f"*/{CLAIMS}"))
