@@ -79,13 +79,14 @@ weights: .venv/installed
 
 docs: .venv/installed-test
 	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py \
-		tests/docs/test_reference.py tests/reports/test_history.py tests/reports/test_history_words.py
+		tests/docs/test_reference.py tests/docs/test_editions.py tests/reports/test_history.py \
+		tests/reports/test_history_words.py
 
 pictures: .venv/installed-test
 	$(BIN)/python tests/helpers/docs_pictures.py runs/pictures
 
 ledger: .venv/installed
-	$(BIN)/graycard site reports/published reports/published/second --out runs/ledger
+	$(BIN)/graycard site reports/published reports/published/second reports/published/large --out runs/ledger
 
 site: .venv/installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

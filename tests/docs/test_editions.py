@@ -19,14 +19,15 @@ from docs_of_editions import (
 from docs_of_reference import DOCS
 from graycard.io import sha256
 from graycard.records import read_ledger, read_run
+from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
-from published import SECOND, folders_of_large, folders_of_second
+from published import LARGE, SECOND, folders_of_large, folders_of_second
 
 PAGE = DOCS / "results" / "second.md"
 FOLDERS = folders_of_second()
-LARGE = folders_of_large()
-SMALL = {"dark-hd": SECOND / "dark-sealed-2"}
-"""The run that a run of larger pictures is held against."""
+SEALED = [*FOLDERS, *folders_of_large()]
+HELD_AGAINST = {"dark-hd": SECOND / "dark-sealed-2"}
+"""The run of small pictures beside each run of large ones, by its name."""
 
 
 def parts_of(text: str, name: str) -> tuple[str, str, str]:
@@ -62,14 +63,33 @@ def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
     assert told == wanted, "run `make docs`"
 
 
-@pytest.mark.parametrize("folder", LARGE, ids=lambda folder: folder.name)
-def test_the_verdicts_on_larger_pictures_stand_beside_those_of_the_edition(folder: Path):
-    told, wanted = told_and_wanted(folder.name, size_block(folder, SMALL[folder.name]))
+def test_each_run_of_larger_pictures_has_one_of_small_ones_beside_it():
+    assert {folder.name for folder in folders_of_large()} == set(HELD_AGAINST)
+
+
+@pytest.mark.parametrize("name", HELD_AGAINST)
+def test_the_verdicts_on_larger_pictures_stand_beside_those_of_the_edition(name: str):
+    told, wanted = told_and_wanted(name, size_block(LARGE / name, HELD_AGAINST[name]))
     assert told == wanted, "run `make docs`"
 
 
-@pytest.mark.parametrize("folder", [*FOLDERS, *LARGE], ids=lambda folder: folder.name)
-def test_the_second_edition_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
+def test_the_page_says_rightly_which_verdicts_stand_on_larger_pictures():
+    large, small = claims_in(LARGE / "dark-hd"), claims_in(HELD_AGAINST["dark-hd"])
+    tested = {name: claim.verdict for name, claim in large.items() if claim.verdict != NOT_TESTED}
+    assert [name for name, verdict in tested.items() if verdict == small[name].verdict] == ["S1", "S14"]
+    assert (small["S2"].verdict, tested["S2"]) == ("undecided", "contradicted")
+    assert (tested["S13"], large["S13"].before, small["S13"].verdict) == ("open", "holds", "holds")
+    assert "S1 and S14 have the verdicts that they have at 112 pixels." in PAGE.read_text(encoding="utf-8")
+
+
+def test_runs_of_one_size_are_not_held_against_each_other():
+    folder = HELD_AGAINST["dark-hd"]
+    with pytest.raises(ValueError, match="expected runs of two sizes of pictures, got 112 x 112"):
+        size_block(folder, folder)
+
+
+@pytest.mark.parametrize("folder", SEALED, ids=lambda folder: folder.name)
+def test_a_sealed_run_is_of_the_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
     run, ledger = read_run(folder), read_ledger(folder)
     assert ledger is not None
     assert run.edition == ledger.edition
@@ -79,6 +99,11 @@ def test_the_second_edition_is_of_sealed_scenes_and_its_ledger_of_its_run(folder
     assert all(scene.seed is not None and 901 <= scene.seed <= 999 for scene in run.scenes)
 
 
+def test_no_two_runs_of_a_track_share_a_sealed_scene():
+    runs = [(scene.track, scene.seed) for folder in SEALED for scene in read_run(folder).scenes]
+    assert len(set(runs)) == len(runs)
+
+
 def test_a_claim_is_decided_where_nine_refits_in_ten_agree():
     claims = claims_in(OWN / "tabletop")
     held = replace(claims["R14"], stability=0.89)
@@ -86,6 +111,7 @@ def test_a_claim_is_decided_where_nine_refits_in_ten_agree():
     assert is_decided(claims["R14"])
     assert not is_decided(held)
     assert not is_decided(claims["R1"])  # undecided
+    assert decided_words({"R14": claims["R14"]}).endswith("decided (100 %): 1 holds.")
     three = {"R14": claims["R14"], "R1": claims["R1"], "R2": claims["R2"]}  # R2 is not testable
     assert decided_words(three) == (
         "1 of 2 claims and questions that this run can test are decided (50 %): 1 holds. "

@@ -93,9 +93,9 @@ def decided_words(claims: Mapping[str, ClaimResult], runs: str = "this run") -> 
     words = Counter(claim.verdict for claim in decided)
     told = ", ".join(f"{number} {word}" for word, number in words.most_common())
     share = f"{len(decided)} of {len(testable)} claims and questions that {runs} can test are decided"
-    on = "it" if runs == "this run" else "them"
+    them = "it" if runs == "this run" else "them"
     untested = len(claims) - len(testable)
-    rest = f" {untested} more cannot be tested on {on}." if untested else ""
+    rest = f" {untested} more cannot be tested on {them}." if untested else ""
     return f"{share} ({100 * len(decided) / len(testable):.0f} %)" + (f": {told}." if told else ".") + rest
 
 
@@ -105,32 +105,39 @@ def edition_block(second: Path) -> str:
     before = {"first edition": claims_in(OWN / track)}
     if (earlier := second.with_name(track + SEALED)) != second:
         before["second edition, earlier scenes"] = claims_in(earlier)
-    return _block(second, {**before, "second edition": claims_in(second)})
+    return _block(second, before, "second edition", claims_in(second))
 
 
 def size_block(large: Path, small: Path) -> str:
-    """Return the same of a run of larger pictures: each claim that it can test, at both sizes."""
+    """Return the tables of a run of larger pictures: each claim that it can test, at both sizes."""
+    sizes = picture_size(small), picture_size(large)
+    if sizes[0] == sizes[1]:
+        raise ValueError(f"expected runs of two sizes of pictures, got {sizes[0]} in {small} and {large}")
     claims = {name: claim for name, claim in claims_in(large).items() if claim.verdict != NOT_TESTED}
-    return _block(large, {width_of(small): claims_in(small), width_of(large): claims})
+    return _block(large, {sizes[0]: claims_in(small)}, sizes[1], claims)
 
 
-def width_of(folder: Path) -> str:
+def picture_size(folder: Path) -> str:
     """Return the size of the pictures of a published run, as in "112 x 112"."""
     render = read_json(folder / "suite.json")["render"]
     return f"{render['width']} x {render['height']}"
 
 
-def _block(folder: Path, columns: Mapping[str, Mapping[str, ClaimResult]]) -> str:
-    """Return means, and the claims of the last column, which are of the run, beside the others."""
-    *_, claims = columns.values()
+def _block(
+    folder: Path,
+    before: Mapping[str, Mapping[str, ClaimResult]],
+    head: str,
+    claims: Mapping[str, ClaimResult],
+) -> str:
+    """Return the means of a run, its claims beside those of other runs, and what decides them."""
     rows = [
-        (name, *(_word(run.get(name)) for run in columns.values()), _share(claim))
+        (name, *(_word(run.get(name)) for run in before.values()), _word(claim), _share(claim))
         for name, claim in claims.items()
     ]
-    head = ("claim", *columns, "refits that agree")
     reasons = [f"- **{name}** {cell(claim.sentence)} {cell(_why(claim))}\n" for name, claim in claims.items()]
     means = f"Means over the scenes that have such a score:\n\n{means_table(read_run(folder))}"
-    return f"\n{means}\n{decided_words(claims)}\n\n{table(head, rows)}\n{''.join(reasons)}\n"
+    verdicts = table(("claim", *before, head, "refits that agree"), rows)
+    return f"\n{means}\n{decided_words(claims)}\n\n{verdicts}\n{''.join(reasons)}\n"
 
 
 def means_table(run: RunRecord) -> str:

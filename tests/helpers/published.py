@@ -12,15 +12,19 @@ LARGE = OWN / "large"
 
 def published_folders() -> list[Path]:
     """Return all published folders with a ledger: of either edition, and of larger pictures."""
-    first = [path.parent for path in OWN.glob(f"*/{CLAIMS}")]
-    return sorted([*first, *folders_of_second(), *folders_of_large()])
+    return sorted([*_with_ledger(OWN), *folders_of_second(), *folders_of_large()])
 
 
 def folders_of_second() -> list[Path]:
     """Return the published folders of the second edition."""
-    return sorted(path.parent for path in SECOND.glob(f"*/{CLAIMS}"))
+    return _with_ledger(SECOND)
 
 
 def folders_of_large() -> list[Path]:
     """Return the published folders whose pictures are larger than those of the editions."""
-    return sorted(path.parent for path in LARGE.glob(f"*/{CLAIMS}"))
+    return _with_ledger(LARGE)
+
+
+def _with_ledger(parent: Path) -> list[Path]:
+    """Return the folders in this one that have a ledger."""
+    return sorted(path.parent for path in parent.glob(f"*/{CLAIMS}"))
