@@ -89,7 +89,7 @@ def test_runs_of_one_size_are_not_held_against_each_other():
 
 
 @pytest.mark.parametrize("folder", SEALED, ids=lambda folder: folder.name)
-def test_a_sealed_run_is_of_the_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
+def test_a_sealed_run_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path):
     run, ledger = read_run(folder), read_ledger(folder)
     assert ledger is not None
     assert run.edition == ledger.edition

@@ -3,6 +3,7 @@
 
 from statistics import fmean
 
+from docs_of_editions import values_of
 from docs_of_reference import DOCS
 from graycard.records import read_run
 from graycard.reports.history._keep import OWN
@@ -19,17 +20,10 @@ ROWS = {
 }
 
 
-def mean_of(run: str, row: str, metric: str) -> float:
-    """Return the mean of a metric of one row over the scenes of a published run."""
-    sheets = [result.sheet for result in read_run(OWN / run).results if result.job.method == row]
-    scores = [score for sheet in sheets if sheet for score in sheet.scores if score.metric == metric]
-    values = [score.value for score in scores if score.value is not None]
-    assert len(values) == len(sheets) > 0
-    return fmean(values)
-
-
 def test_the_table_of_dark_rooms_has_the_means_of_its_runs():
     note = (DOCS / "lab-notes" / "2026-11-sizes.md").read_text(encoding="utf-8")
+    runs = [read_run(OWN / run) for run in RUNS]
     for title, (row, metric, form) in ROWS.items():
-        cells = [form.format(mean_of(run, row, metric)) for run in RUNS]
-        assert f"| {title} | {' | '.join(cells)} |" in note
+        values = [values_of(run)[row, metric] for run in runs]
+        assert list(map(len, values)) == [len(run.scenes) for run in runs]
+        assert f"| {title} | {' | '.join(form.format(fmean(of_run)) for of_run in values)} |" in note

@@ -142,11 +142,7 @@ def _block(
 
 def means_table(run: RunRecord) -> str:
     """Return the means of each row over all scenes that have a metric; empty where the row lacks one."""
-    found: dict[tuple[str, str], list[float]] = {}
-    for result in run.results:
-        for score in result.sheet.scores if result.sheet else ():
-            if score.value is not None and math.isfinite(score.value):
-                found.setdefault((result.job.method, score.metric), []).append(score.value)
+    found = values_of(run)
     names = [method.name for method in run.methods if method.name != "truth"]
     most = {metric: max(len(v) for k, v in found.items() if k[1] == metric) for _, metric in found}
     columns = {
@@ -157,6 +153,16 @@ def means_table(run: RunRecord) -> str:
     told = {head: cells for head, cells in columns.items() if any(cells)}
     rows = [(f"`{name}`", *cells) for name, *cells in zip(names, *told.values(), strict=True)]
     return table(("row", *told), rows)
+
+
+def values_of(run: RunRecord) -> dict[tuple[str, str], list[float]]:
+    """Return the finite values over scenes, by row and metric."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for result in run.results:
+        for score in result.sheet.scores if result.sheet else ():
+            if score.value is not None and math.isfinite(score.value):
+                found.setdefault((result.job.method, score.metric), []).append(score.value)
+    return found
 
 
 def _mean(values: list[float], scenes: int) -> str:

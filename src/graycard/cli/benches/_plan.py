@@ -70,10 +70,8 @@ class PlanCommand:
         terminal.out.print()
         terminal.out.print(_plan(found))
         write_optional_json(self.json, found)
-        total, disk = (
-            _rounded(sum(plan.hours for plan in found)),
-            _rounded(sum(plan.disk_gb for plan in found)),
-        )
+        total = _rounded(sum(plan.hours for plan in found))
+        disk = _rounded(sum(plan.disk_gb for plan in found))
         price = "" if self.price is None else f", price {_rounded(sum(plan.price or 0 for plan in found))}"
         terminal.out.print(
             f"plan: {self.scenes} scenes x {self.methods} methods on {len(found)} tracks: "
