@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``docs/results/second.md``: what the ledger's second edition says beside the first."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from graycard.records import read_ledger, read_run
 from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
 from published import LARGE, SECOND, folders_of_large, folders_of_second
+from written_blocks import told_and_wanted
 
 PAGE = DOCS / "results" / "second.md"
 FOLDERS = folders_of_second()
@@ -30,27 +30,8 @@ HELD_AGAINST = {"dark-hd": SECOND / "dark-sealed-2"}
 """The run of small pictures beside each run of large ones, by its name."""
 
 
-def parts_of(text: str, name: str) -> tuple[str, str, str]:
-    """Return what stands before the tables of a run, the tables, and what follows."""
-    begin, end = f"<!-- {name}: written by `make docs` -->\n", f"<!-- end of {name} -->\n"
-    before, found, rest = text.partition(begin)
-    tables, ended, after = rest.partition(end)
-    assert found, f"expected {begin.strip()} in {PAGE}"
-    assert ended, f"expected {end.strip()} in {PAGE}"
-    return before + begin, tables, end + after
-
-
-def told_and_wanted(name: str, wanted: str) -> tuple[str, str]:
-    """Return a part of the page and what it has to say; written first where docs are written."""
-    before, told, after = parts_of(PAGE.read_text(encoding="utf-8"), name)
-    if os.environ.get("GRAYCARD_WRITE_DOCS"):
-        PAGE.write_text(before + wanted + after, encoding="utf-8")
-        told = wanted
-    return told, wanted
-
-
 def test_the_page_begins_with_how_many_claims_are_decided():
-    told, wanted = told_and_wanted("whole", whole_block(FOLDERS))
+    told, wanted = told_and_wanted(PAGE, "whole", whole_block(FOLDERS))
     assert told == wanted, "run `make docs`"
     verdicts = [line.split(" | ")[2] for line in told.splitlines() if line.startswith("| ")][2:]
     decided = sum(map(is_decided, newest_claims(FOLDERS).values()))
@@ -59,7 +40,7 @@ def test_the_page_begins_with_how_many_claims_are_decided():
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_each_verdict_of_both_editions_stands_on_the_page(folder: Path):
-    told, wanted = told_and_wanted(folder.name, edition_block(folder))
+    told, wanted = told_and_wanted(PAGE, folder.name, edition_block(folder))
     assert told == wanted, "run `make docs`"
 
 
@@ -69,7 +50,7 @@ def test_each_run_of_larger_pictures_has_one_of_small_ones_beside_it():
 
 @pytest.mark.parametrize("name", HELD_AGAINST)
 def test_the_verdicts_on_larger_pictures_stand_beside_those_of_the_edition(name: str):
-    told, wanted = told_and_wanted(name, size_block(LARGE / name, HELD_AGAINST[name]))
+    told, wanted = told_and_wanted(PAGE, name, size_block(LARGE / name, HELD_AGAINST[name]))
     assert told == wanted, "run `make docs`"
 
 
