@@ -33,6 +33,8 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
     for claim in claims.claims:
         checks = {check.id: check for check in judged[claim.id].checks} if claim.id in judged else {}
         rows += list(_rows(claim, sizes, claims.track, checks))
+        if claim.unavailable:
+            continue
         if words := turned_by_size(claim, sizes, scale.words, claims.track, _levels(claim)):
             turned.append(f"- **{claim.id}** {words}.\n")
     heads = [size.words.replace(f" pixels, {scale.train_views} views", "") for size in sizes]
