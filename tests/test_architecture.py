@@ -11,9 +11,9 @@ import pytest
 
 import docs_of_house
 import house
+from written_blocks import told_and_wanted
 
 FOLDER = Path(__file__).parents[1] / "docs" / "explanation"
-BEGIN, END = "<!-- packages: written by `make docs` -->\n", "<!-- end of packages -->\n"
 WRITE = "GRAYCARD_WRITE_DOCS" in os.environ
 
 
@@ -25,13 +25,8 @@ def test_the_picture_is_drawn_from_the_imports():
 
 
 def test_the_table_names_every_package():
-    path = FOLDER / "architecture.md"
-    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}{docs_of_house.table()}{END}{after}"
-    if WRITE:
-        path.write_text(wanted, encoding="utf-8")
-    assert path.read_text(encoding="utf-8") == wanted, "run `make docs`"
+    told, wanted = told_and_wanted(FOLDER / "architecture.md", "packages", docs_of_house.table())
+    assert told == wanted, "run `make docs`"
 
 
 def test_a_planted_import_changes_the_picture(monkeypatch: pytest.MonkeyPatch):

@@ -36,7 +36,7 @@ RUN = run_of({"mine": {"psnr": [1.0, 2.0]}, "theirs": {"psnr": [0.0, 0.0]}})
 RENDER = {"width": 112, "height": 84, "train_views": 20, "test_views": 5}
 SMALL, LARGE = "112 x 112 pixels, 20 views", "256 x 256 pixels, 20 views"
 IN_TILES = ("goris", "gsid", "gsir")
-"""Methods whose steps with light draw a tile, of so many pixels a side. Tiles of ``sunfaded`` are of light."""
+"""Methods whose steps with light draw a tile. The tiles of ``sunfaded`` are others: those of its light."""
 HERE = Scale(112, 112, 20, 5, 1.0)
 
 

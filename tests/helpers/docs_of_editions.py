@@ -9,6 +9,7 @@ from statistics import fmean
 
 from docs_of_reference import cell, table
 from graycard import RecordError
+from graycard.benchmarks.claims._sizes import scale_in
 from graycard.io import from_builtins, read_json
 from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
 from graycard.reports.history._explain import NOT_TESTED
@@ -119,8 +120,9 @@ def size_block(large: Path, small: Path) -> str:
 
 def picture_size(folder: Path) -> str:
     """Return the size of the pictures of a published run, as in "112 x 112"."""
-    render = read_json(folder / "suite.json")["render"]
-    return f"{render['width']} x {render['height']}"
+    scale = scale_in(folder, read_run(folder).size)
+    assert scale is not None, f"expected {folder}/suite.json that tells pixels"
+    return f"{scale.width} x {scale.height}"
 
 
 def _block(

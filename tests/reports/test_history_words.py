@@ -2,7 +2,6 @@
 """Changes of verdicts as they are told: from numbers, and as a list."""
 
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,9 @@ from graycard.reports.history._explain import check_words, explain
 from graycard.reports.history._keep import OWN
 from graycard.reports.history._reasons import Edition, Reasons, load_reasons
 from graycard.reports.history._table import edition_list, edition_rows
+from written_blocks import told_and_wanted
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "history.md"
-BEGIN, END = "<!-- editions: written by `make docs` -->\n", "<!-- end of editions -->\n"
 
 CHECK = CheckEntry(
     "psnr", "mine − theirs", "PSNR", "reproduced", 8, "dB", 2.0, (0.5, 3.0), paper=2.0, accepted=(1.0, 4.0)
@@ -139,14 +138,8 @@ def test_verdicts_of_the_first_rules_are_not_told_from_these_numbers():
 
 def test_the_list_of_editions_in_the_docs_is_made_from_the_data():
     history, reasons = read_history(OWN), load_reasons(OWN)
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    wanted = f"{before}{BEGIN}{edition_list(history, reasons)}{END}{after}"
-    if "GRAYCARD_WRITE_DOCS" in os.environ:
-        PAGE.write_text(wanted, encoding="utf-8")
-        text = wanted
-    assert text == wanted, "run `make docs`"
+    told, wanted = told_and_wanted(PAGE, "editions", edition_list(history, reasons))
+    assert told == wanted, "run `make docs`"
 
 
 def test_every_verdict_that_an_edition_changed_has_a_reason_in_the_table():
