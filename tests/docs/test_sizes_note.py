@@ -1,29 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
 """``docs/lab-notes/2026-11-sizes.md``: its figures are those of the published runs."""
 
-from statistics import fmean
+from pathlib import Path
 
-from docs_of_editions import values_of
+import pytest
+
 from docs_of_reference import DOCS
+from docs_of_sizes import effects_block, means_block, steps_of, views_of
 from graycard.records import read_run
-from graycard.reports.history._keep import OWN
+from published import LARGE, SECOND, SIZES
+from written_blocks import told_and_wanted
 
-RUNS = ("sizes/dark-20-views", "sizes/dark-20-views-quarter-steps", "sizes/dark-60-views", "large/dark-hd")
-"""The columns of the table of dark rooms."""
-ROWS = {
-    "`appearance`, photographs": ("appearance", "training_view.psnr", "{:.1f} dB"),
-    "`appearance`, held-out views": ("appearance", "novel_view.psnr", "{:.1f} dB"),
-    "`darkgs`, photographs": ("darkgs", "training_view.psnr", "{:.1f} dB"),
-    "`darkgs`, held-out views": ("darkgs", "novel_view.psnr", "{:.1f} dB"),
-    "LPIPS of `appearance`": ("appearance", "novel_view.lpips", "{:.3f}"),
-    "LPIPS of `darkgs`": ("darkgs", "novel_view.lpips", "{:.3f}"),
+PAGE = DOCS / "lab-notes" / "2026-11-sizes.md"
+TRACKS = {
+    "dark": ("sunfaded", SECOND / "dark-sealed-2"),
 }
+"""Claims and the run that judges, by track."""
+COLUMNS = {
+    "20 photographs": SIZES / "dark-112",
+    "20, a quarter of the steps": SIZES / "dark-20-views-quarter-steps",
+    "60 photographs": SIZES / "dark-60-views",
+    "20, 256 x 256": SIZES / "dark-256",
+    "sealed, 60, 256 x 256": LARGE / "dark-hd",
+}
+"""Runs of the table of photographs, by the head of their column."""
 
 
-def test_the_table_of_dark_rooms_has_the_means_of_its_runs():
-    note = (DOCS / "lab-notes" / "2026-11-sizes.md").read_text(encoding="utf-8")
-    runs = [read_run(OWN / run) for run in RUNS]
-    for title, (row, metric, form) in ROWS.items():
-        values = [values_of(run)[row, metric] for run in runs]
-        assert list(map(len, values)) == [len(run.scenes) for run in runs]
-        assert f"| {title} | {' | '.join(form.format(fmean(of_run)) for of_run in values)} |" in note
+@pytest.mark.parametrize("track", TRACKS)
+def test_effects_stand_beside_those_of_the_sealed_scenes(track: str):
+    paper, sealed = TRACKS[track]
+    runs = sorted(path for path in SIZES.glob(f"{track}-*") if path.name[len(track) + 1 :].isdigit())
+    assert len(runs) > 1
+    told, wanted = told_and_wanted(PAGE, track, effects_block(paper, sealed, runs))
+    assert told == wanted, "run `make docs`"
+
+
+def test_the_table_of_photographs_has_the_means_of_its_runs():
+    told, wanted = told_and_wanted(PAGE, "photographs", means_block(COLUMNS))
+    assert told == wanted, "run `make docs`"
+
+
+@pytest.mark.parametrize(("folder", "seen"), [(SECOND / "dark-sealed-2", 200), (LARGE / "dark-hd", 67)])
+def test_the_edition_tells_how_often_a_fit_sees_each_photograph(folder: Path, seen: int):
+    assert round(steps_of(read_run(folder)) / views_of(folder)) == seen
+    page = (DOCS / "results" / "second.md").read_text(encoding="utf-8")
+    assert "| how often a fit sees each photograph | 200 | 67 |" in page

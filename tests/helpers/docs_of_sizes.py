@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of the docs that show how effects move with the size of pictures."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 
-from docs_of_editions import claims_in
+from docs_of_editions import claims_in, values_of
 from docs_of_reference import table
 from graycard.benchmarks.claims._claim import Claim, load_claims
 from graycard.benchmarks.claims._effects import Levels
 from graycard.benchmarks.claims._rules import levels_for
 from graycard.benchmarks.claims._sizes import Sized, estimates_at, read_sizes, scale_in, turned_by_size
 from graycard.eval.statistics import LEVEL
-from graycard.records import CheckResult, read_run
+from graycard.records import CheckResult, RunRecord, read_run
 from graycard.reports._format import format_with_unit
 
 HEAD = ("claim", "difference", "decides")
+MEANS = {
+    "photographs": ("training_view.psnr", "dB"),
+    "held-out views": ("novel_view.psnr", "dB"),
+    "LPIPS": ("novel_view.lpips", "1"),
+}
+"""Metrics and their units, by their words."""
 
 
 def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
@@ -28,8 +35,9 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
     sizes = read_sizes(runs)
     scale = scale_in(sealed, read_run(sealed).size)
     assert scale is not None
-    claims, rows, turned = load_claims(paper), [], []
-    judged = claims_in(sealed)
+    claims, judged = load_claims(paper), claims_in(sealed)
+    rows: list[tuple[str, ...]] = []
+    turned: list[str] = []
     for claim in claims.claims:
         checks = {check.id: check for check in judged[claim.id].checks} if claim.id in judged else {}
         rows += list(_rows(claim, sizes, claims.track, checks))
@@ -59,3 +67,42 @@ def _rows(
 def _levels(claim: Claim) -> Levels:
     """Return levels as a verdict has them; estimates do not depend on them."""
     return Levels(LEVEL, levels_for(claim.statements, LEVEL))
+
+
+def means_block(folders: Mapping[str, Path]) -> str:
+    """Return means of the rows of dark rooms in several runs, and how often their fits see each photograph.
+
+    Args:
+        folders: By the head of their column.
+    """
+    runs = {head: read_run(folder) for head, folder in folders.items()}
+    means = {head: values_of(run) for head, run in runs.items()}
+    lines = [
+        (f"`{row}`, {words}", *(_mean(found.get((row, metric), []), unit) for found in means.values()))
+        for row in ("appearance", "darkgs", "sunfaded")
+        for words, (metric, unit) in MEANS.items()
+    ]
+    steps = [steps_of(run) for run in runs.values()]
+    seen = [count / views_of(folder) for count, folder in zip(steps, folders.values(), strict=True)]
+    first = ("steps", *(f"{count:,}" for count in steps))
+    second = ("how often a fit sees each photograph", *(f"{times:.0f}" for times in seen))
+    return f"\n{table(('', *folders), [first, second, *lines])}\n"
+
+
+def steps_of(run: RunRecord) -> int:
+    """Return the steps of each fit of a run."""
+    found = {result.job.settings["iterations"] for result in run.results if result.job.method == "darkgs"}
+    assert len(found) == 1, f"expected fits of as many steps, got {found}"
+    return found.pop()
+
+
+def views_of(folder: Path) -> int:
+    """Return the number of training views of each scene of a published run."""
+    scale = scale_in(folder, read_run(folder).size)
+    assert scale is not None, f"expected {folder}/suite.json that tells views"
+    return scale.train_views
+
+
+def _mean(values: Sequence[float], unit: str) -> str:
+    """Return a mean in its unit; empty where the run lacks the row."""
+    return format_with_unit(fmean(values), unit) if values else ""

@@ -8,6 +8,7 @@ from graycard.reports.history._keep import OWN
 
 SECOND = OWN / "second"
 LARGE = OWN / "large"
+SIZES = OWN / "sizes"
 
 
 def published_folders() -> list[Path]:
