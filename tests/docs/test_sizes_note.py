@@ -14,6 +14,8 @@ from written_blocks import told_and_wanted
 PAGE = DOCS / "lab-notes" / "2026-11-sizes.md"
 TRACKS = {
     "dark": ("sunfaded", SECOND / "dark-sealed-2"),
+    "tabletop": ("goris", SECOND / "tabletop-sealed"),
+    "multilight": ("gsid", SECOND / "multilight-sealed"),
 }
 """Claims and the run that judges, by track."""
 COLUMNS = {
