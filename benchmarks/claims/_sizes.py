@@ -136,7 +136,7 @@ def _scale(run: Path, record: RunRecord) -> Scale:
     scale = scale_in(run, record.size)
     if scale is None:
         raise RecordError(
-            f"expected a run with {SUITE_FILE} that tells pixels and views, got none in {run}. Run `graycard "
-            "bench` again"
+            f"expected a run with {SUITE_FILE} that tells pixels and views, got none in {run}. Copy it from "
+            "where run.json comes from, or run `graycard bench` again"
         )
     return scale

@@ -417,13 +417,36 @@ def test_the_command_line_takes_sizes(
     told = " ".join(capsys.readouterr().out.split())
     turns = "reproduced at 112 x 84 pixels, 20 views, but contradicted at 224 x 168 pixels, 20 views"
     assert f"With size: by estimates alone {turns}" in told
-    assert "112 x 84 pixels, 20 views: 1.5 dB; 224 x 168 pixels, 20 views: -1 dB" in told
+    assert "verdict 112 x 84 pixels, 20 views 224 x 168 pixels, 20 views" in told
+    assert "undecided 1.5 dB -1 dB" in told
+    assert "verdicts over sizes, by estimates alone: turn: M1" in told
     claim = read_json(runs[0] / "claims.json")["papers"][0]["claims"][0]
     assert claim["turns"] == f"by estimates alone {turns}"
     assert main([*command, "--sizes", str(runs[1])]) == 2
     assert "expected runs at two or more sizes, got one" in capsys.readouterr().err
     assert main(["claims", "--sizes", *map(str, runs)]) == 2
     assert "expected a run with --sizes, got none" in capsys.readouterr().err
+
+
+def test_the_command_line_tells_which_claims_stay_and_which_nobody_can_compare(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second claim has a row that the run has, and those of other sizes lack."""
+    monkeypatch.setattr("graycard.reports.write_report", lambda run: run)
+    whole = run_of(
+        {
+            name: {"psnr": [value, value + 1.0]}
+            for name, value in (("mine", 1.0), ("theirs", 0.0), ("third", 0.5))
+        }
+    )
+    runs = write_sizes(tmp_path, a=(RUN, Size()), b=(RUN, Size(224)), judged=(whole, Size()))
+    head, _, first = MINE.partition("[[claims]]")
+    second = first.replace("M1", "M2").replace("theirs", "third")
+    (tmp_path / "mine.toml").write_text(f"{head}[[claims]]{first}[[claims]]{second}")
+    command = ["claims", str(runs[2]), "--claims", str(tmp_path / "mine.toml")]
+    assert main([*command, "--sizes", *map(str, runs[:2])]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "by estimates alone: stay: M1; not compared, as rows or scenes are lacking: M2" in told
 
 
 def test_runs_without_rows_of_the_claims_are_refused(

@@ -14,11 +14,13 @@ from graycard.benchmarks.claims._sizes import Sized, estimates_at, read_sizes, s
 from graycard.eval.statistics import LEVEL
 from graycard.records import CheckResult, RunRecord, read_run
 from graycard.reports._format import format_with_unit
+from graycard.reports.history._explain import NOT_TESTED
 
 HEAD = ("claim", "difference", "decides")
 MEANS = {
     "photographs": ("training_view.psnr", "dB"),
     "held-out views": ("novel_view.psnr", "dB"),
+    "SSIM": ("novel_view.ssim", "1"),
     "LPIPS": ("novel_view.lpips", "1"),
 }
 """Metrics and their units, by their words."""
@@ -38,6 +40,7 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
     claims, judged = load_claims(paper), claims_in(sealed)
     rows: list[tuple[str, ...]] = []
     turned: list[str] = []
+    compared: list[str] = []
     for claim in claims.claims:
         checks = {check.id: check for check in judged[claim.id].checks} if claim.id in judged else {}
         rows += list(_rows(claim, sizes, claims.track, checks))
@@ -45,9 +48,15 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
             continue
         if words := turned_by_size(claim, sizes, scale.words, claims.track, _levels(claim)):
             turned.append(f"- **{claim.id}** {words}.\n")
+        if _is_compared(claim, sizes, claims.track):
+            compared.append(claim.id)
     heads = [size.words.replace(f" pixels, {scale.train_views} views", "") for size in sizes]
-    told = "".join(turned) or "No verdict would turn by these estimates.\n"
-    return f"\n{table((*HEAD, *heads, f'`{sealed.name}`'), rows)}\n{told}"
+    told = "".join(turned) or "No verdict by these estimates differs between these sizes.\n"
+    missing = [name for name, claim in judged.items() if claim.verdict != NOT_TESTED and name not in compared]
+    which = (
+        f"Compared: {', '.join(compared)}. Not compared, as rows or scenes are lacking: {', '.join(missing)}."
+    )
+    return f"\n{table((*HEAD, *heads, f'`{sealed.name}`'), rows)}\n{which}\n\n{told}"
 
 
 def _rows(
@@ -62,6 +71,12 @@ def _rows(
         values = [found.get(size.words) for size in sizes]
         cells = ["" if v is None else format_with_unit(v, result.unit) for v in (*values, result.estimate)]
         yield claim.id, f"{result.quantity}, {result.effect_of}", "yes" if check.decides else "", *cells
+
+
+def _is_compared(claim: Claim, sizes: Sequence[Sized], track: str) -> bool:
+    """Tell whether two sizes have an estimate of each check that decides a claim."""
+    found = [estimates_at(sizes, c, track, _levels(claim)).keys() for c in claim.checks if c.decides]
+    return bool(found) and len(set.intersection(*map(set, found))) > 1
 
 
 def _levels(claim: Claim) -> Levels:

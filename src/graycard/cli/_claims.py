@@ -20,7 +20,6 @@ from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
 from graycard.records import (
     CLAIMS,
-    CheckResult,
     ClaimResult,
     ClaimVerdict,
     Ledger,
@@ -89,6 +88,8 @@ class ClaimsCommand:
             found, report = self._judged(self.run_folder, terminal)
         for paper in found.papers:
             self._show(terminal, paper)
+        if self.sizes:
+            terminal.out.print(f"\n{_told_of_sizes(found)}")
         if self.power and self.run_folder is not None:
             self._show_power(terminal, found, self.run_folder)
         else:
@@ -200,7 +201,7 @@ class ClaimsCommand:
             for claim in paper.claims:
                 if claim.checks:
                     terminal.out.print(f"\n{claim.id}: {claim.sentence}")
-                    terminal.out.print(_checks(claim.checks))
+                    terminal.out.print(_checks(claim))
 
 
 def _check_told(found: Ledger, sizes: Sequence[Path]) -> None:
@@ -212,8 +213,24 @@ def _check_told(found: Ledger, sizes: Sequence[Path]) -> None:
     if not any(check.at_sizes for paper in found.papers for claim in paper.claims for check in claim.checks):
         raise GraycardError(
             f"expected runs with rows that these claims compare, got none in {', '.join(map(str, sizes))}. "
-            "Name those of another suite with --sizes"
+            "Name runs of a suite that has these rows, as `sizes-dark` has those of `claims-dark`"
         )
+
+
+def _told_of_sizes(found: Ledger) -> str:
+    """Say which verdicts would turn by estimates at other sizes, which stay, and which nobody can compare."""
+    of_papers = [claim for paper in found.papers for claim in paper.claims]
+    claims = [claim for claim in of_papers if claim.checks and claim.verdict != "not testable here"]
+    compared = [claim for claim in claims if claim.sizes_compared]
+    lists = {
+        "turn": [claim.id for claim in compared if claim.turns],
+        "stay": [claim.id for claim in compared if not claim.turns],
+        "not compared, as rows or scenes are lacking": [
+            claim.id for claim in claims if claim not in compared
+        ],
+    }
+    told = "; ".join(f"{what}: {', '.join(names)}" for what, names in lists.items() if names)
+    return f"verdicts over sizes, by estimates alone: {told}"
 
 
 def _claims(claims: Sequence[ClaimResult]) -> Table:
@@ -234,7 +251,7 @@ def _why(claim: ClaimResult) -> str:
     return f"{found}. To decide it: {claim.needs}" if claim.needs else found
 
 
-def _checks(checks: tuple[CheckResult, ...]) -> Table:
+def _checks(claim: ClaimResult) -> Table:
     heads = (
         "",
         "effect",
@@ -247,9 +264,10 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         "trivial",
         "verdict",
     )
-    sized = any(check.at_sizes for check in checks)
-    table = new_table(*heads, *(["at sizes"] if sized else []))
-    for check in checks:
+    most_first = sorted((check.at_sizes for check in claim.checks), key=len, reverse=True)
+    sizes = list(dict.fromkeys(size for found in most_first for size in found))
+    table = new_table(*heads, *sizes)
+    for check in claim.checks:
         told = "" if check.decides else " (decides nothing)"
         table.add_row(
             check.id,
@@ -262,13 +280,9 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
             _row(check.bound),
             _row(check.trivial),
             check.verdict + told,
-            *([_at_sizes(check)] if sized else []),
+            *(_number(check.at_sizes.get(size), check.unit) for size in sizes),
         )
     return table
-
-
-def _at_sizes(check: CheckResult) -> str:
-    return "; ".join(f"{size}: {_number(value, check.unit)}" for size, value in check.at_sizes.items())
 
 
 def _row(row: RowMean | None) -> str:

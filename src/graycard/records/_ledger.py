@@ -148,6 +148,13 @@ class ClaimResult:
     turns: str = ""
     """Sizes of pictures, views or surfels at which estimates alone would give another verdict, in words."""
 
+    @property
+    def sizes_compared(self) -> tuple[str, ...]:
+        """Sizes at which each check that decides has an estimate, from small to large; none if below two."""
+        found = [check.at_sizes for check in self.checks if check.decides]
+        common = [size for size in found[0] if all(size in sizes for sizes in found)] if found else []
+        return tuple(common) if len(common) > 1 else ()
+
 
 @dataclass(frozen=True, slots=True)
 class PaperResult:
