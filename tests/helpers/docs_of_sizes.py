@@ -53,9 +53,9 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
     heads = [size.words.replace(f" pixels, {scale.train_views} views", "") for size in sizes]
     told = "".join(turned) or "No verdict by these estimates differs between these sizes.\n"
     missing = [name for name, claim in judged.items() if claim.verdict != NOT_TESTED and name not in compared]
-    which = (
-        f"Compared: {', '.join(compared)}. Not compared, as rows or scenes are lacking: {', '.join(missing)}."
-    )
+    which = f"Compared: {', '.join(compared)}."
+    if missing:
+        which += f" Not compared, as rows or scenes are lacking: {', '.join(missing)}."
     return f"\n{table((*HEAD, *heads, f'`{sealed.name}`'), rows)}\n{which}\n\n{told}"
 
 
