@@ -51,8 +51,9 @@ def continue_history(
 ) -> KeptHistory | None:
     """Return the history of a folder with one ledger more; nothing is written yet.
 
-    A ledger that says the same as the last one of its suite is no new entry. Reasons may be written for the
-    next ledger of several suites at once; they count when that comes.
+    A ledger that says the same as the last one of its suite, or of its place, is no new entry. So an earlier
+    run can be published anew when another of its suite has come. Reasons may be written for the next ledger
+    of several suites at once; they count when that comes.
 
     Args:
         folder: Folder of published runs; one without ``history.json`` keeps none.
@@ -73,7 +74,8 @@ def continue_history(
     history, reasons = read_history(folder), load_reasons(folder)
     entry = entry_of(ledger, file, day or f"{datetime.now(UTC):%Y-%m-%d}", started=started)
     reasons.edition(entry.rules_sha256)
-    if not _says_the_same(history.of_suite(entry.suite), entry):
+    of_place = tuple(earlier for earlier in history.entries if earlier.file == entry.file)
+    if not any(_says_the_same(entries, entry) for entries in (history.of_suite(entry.suite), of_place)):
         history = replace(history, entries=(*history.entries, entry))
     reasons = _without_coming(reasons, history, entry.suite)
     if missing := open_changes(history, reasons):
@@ -148,5 +150,5 @@ def _without_coming(reasons: Reasons, history: VerdictHistory, but: str | None =
 
 
 def _says_the_same(entries: tuple[LedgerEntry, ...], entry: LedgerEntry) -> bool:
-    """Return whether the last entry of a suite is this one but for when it was published."""
+    """Return whether the last of some entries is this one but for when it was published."""
     return bool(entries) and replace(entries[-1], date=entry.date, commit=entry.commit) == entry

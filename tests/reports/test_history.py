@@ -199,6 +199,17 @@ def test_the_same_ledger_is_no_new_entry(kept: Path):
     assert len(grown(kept, ledger_json("reproduced")).entries) == 1
 
 
+def test_an_earlier_ledger_is_no_new_entry_when_another_of_its_suite_has_come(kept: Path):
+    later = entry_of(
+        ledger_json("contradicted", run="ef"), "other/claims.json", "2026-01-02", started="tuesday"
+    )
+    add_reason(kept)
+    (kept / HISTORY).write_text(history_text(VerdictHistory((*read_history(kept).entries, later))))
+    assert len(grown(kept, ledger_json("reproduced")).entries) == 2
+    with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
+        grown(kept, ledger_json("undecided"))
+
+
 def test_the_same_verdict_of_another_run_is_an_entry_without_a_reason(kept: Path):
     history = grown(kept, ledger_json("reproduced", run="ef"), "tuesday")
     assert [entry.date for entry in history.entries] == ["2026-01-01", "2026-01-02"]
