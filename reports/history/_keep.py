@@ -150,5 +150,16 @@ def _without_coming(reasons: Reasons, history: VerdictHistory, but: str | None =
 
 
 def _says_the_same(entries: tuple[LedgerEntry, ...], entry: LedgerEntry) -> bool:
-    """Return whether the last of some entries is this one but for when it was published."""
-    return bool(entries) and replace(entries[-1], date=entry.date, commit=entry.commit) == entry
+    """Return whether the last of some entries is this one but for its words and when it was published."""
+    if not entries:
+        return False
+    return _wordless(replace(entries[-1], date=entry.date, commit=entry.commit)) == _wordless(entry)
+
+
+def _wordless(entry: LedgerEntry) -> LedgerEntry:
+    """Return an entry without the words of claims, which newer code may choose otherwise."""
+    papers = [
+        replace(paper, claims=tuple(replace(claim, text="") for claim in paper.claims))
+        for paper in entry.papers
+    ]
+    return replace(entry, papers=tuple(papers))

@@ -199,6 +199,23 @@ def test_the_same_ledger_is_no_new_entry(kept: Path):
     assert len(grown(kept, ledger_json("reproduced")).entries) == 1
 
 
+def test_other_words_for_the_same_verdict_are_no_new_entry(tmp_path: Path):
+    first = ledger_json(
+        "not testable here", [check_json("not testable here", decides=False)], text="no row mine"
+    )
+    entry = entry_of(first, "mine/claims.json", "2026-01-01", started="monday")
+    (tmp_path / HISTORY).write_text(history_text(VerdictHistory((entry,))))
+    (tmp_path / REASONS).write_text(EDITION)
+    again = ledger_json(
+        "not testable here", [check_json("not testable here", decides=False)], text="mine is lacking"
+    )
+    assert (
+        entry_of(again, "mine/claims.json", "2026-01-02", started="monday").claims["M1"].text
+        == "mine is lacking"
+    )
+    assert len(grown(tmp_path, again).entries) == 1
+
+
 def test_an_earlier_ledger_is_no_new_entry_when_another_of_its_suite_has_come(kept: Path):
     later = entry_of(
         ledger_json("contradicted", run="ef"), "other/claims.json", "2026-01-02", started="tuesday"
