@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from docs_of_editions import claims_in
 from docs_of_reference import DOCS
-from docs_of_sizes import effects_block, means_block, steps_of, views_of
+from docs_of_sizes import effects_block, effects_of, means_block, steps_of, views_of
 from graycard.records import read_run
 from published import LARGE, SECOND, SIZES
 from written_blocks import told_and_wanted
@@ -31,13 +32,31 @@ SIZE = re.compile(r"\d+(-surfels-\d+)?")
 """Rest of the name of a folder whose run stands in the table of its track."""
 
 
+def runs_of(track: str) -> list[Path]:
+    """Return the published runs of a track that differ in size alone."""
+    return sorted(path for path in SIZES.glob(f"{track}-*") if SIZE.fullmatch(path.name[len(track) + 1 :]))
+
+
 @pytest.mark.parametrize("track", TRACKS)
 def test_effects_stand_beside_those_of_the_sealed_scenes(track: str):
     paper, sealed = TRACKS[track]
-    runs = sorted(path for path in SIZES.glob(f"{track}-*") if SIZE.fullmatch(path.name[len(track) + 1 :]))
-    assert len(runs) > 1
-    told, wanted = told_and_wanted(PAGE, track, effects_block(paper, sealed, runs))
+    told, wanted = told_and_wanted(PAGE, track, effects_block(paper, sealed, runs_of(track)))
     assert told == wanted, "run `make docs`"
+
+
+@pytest.mark.parametrize("track", TRACKS)
+def test_the_ledger_of_the_sealed_scenes_tells_the_same_effects(track: str):
+    paper, sealed = TRACKS[track]
+    found = effects_of(paper, runs_of(track))
+    told = {
+        (claim.id, check.id): check.at_sizes
+        for claim in claims_in(sealed).values()
+        for check in claim.checks
+        if check.at_sizes
+    }
+    assert told
+    for place, at_sizes in told.items():
+        assert at_sizes == pytest.approx(found[place]), place
 
 
 def test_the_table_of_photographs_has_the_means_of_its_runs():

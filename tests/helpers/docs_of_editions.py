@@ -11,7 +11,7 @@ from docs_of_reference import cell, table
 from graycard import RecordError
 from graycard.benchmarks.claims._sizes import scale_in
 from graycard.io import from_builtins, read_json
-from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, read_run
+from graycard.records import CLAIMS, ClaimResult, Ledger, RunRecord, Scale, read_run
 from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
 
@@ -120,9 +120,15 @@ def size_block(large: Path, small: Path) -> str:
 
 def picture_size(folder: Path) -> str:
     """Return the size of the pictures of a published run, as in "112 x 112"."""
-    scale = scale_in(folder, read_run(folder).size)
-    assert scale is not None, f"expected {folder}/suite.json that tells pixels"
+    scale = scale_in_folder(folder)
     return f"{scale.width} x {scale.height}"
+
+
+def scale_in_folder(folder: Path) -> Scale:
+    """Return pixels, views and surfels of a published run."""
+    scale = scale_in(folder, read_run(folder).size)
+    assert scale is not None, f"expected {folder}/suite.json that tells pixels and views"
+    return scale
 
 
 def _block(

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
 
-from docs_of_editions import claims_in, values_of
+from docs_of_editions import claims_in, scale_in_folder, values_of
 from docs_of_reference import table
 from graycard.benchmarks.claims._claim import Claim, load_claims
 from graycard.benchmarks.claims._effects import Levels
 from graycard.benchmarks.claims._rules import levels_for
-from graycard.benchmarks.claims._sizes import Sized, estimates_at, read_sizes, scale_in, turned_by_size
+from graycard.benchmarks.claims._sizes import Sized, estimates_at, read_sizes, turned_by_size
 from graycard.eval.statistics import LEVEL
 from graycard.records import CheckResult, RunRecord, read_run
 from graycard.reports._format import format_with_unit
@@ -35,8 +35,7 @@ def effects_block(paper: str, sealed: Path, runs: Sequence[Path]) -> str:
         runs: Folders of runs that differ in size alone.
     """
     sizes = read_sizes(runs)
-    scale = scale_in(sealed, read_run(sealed).size)
-    assert scale is not None
+    scale = scale_in_folder(sealed)
     claims, judged = load_claims(paper), claims_in(sealed)
     rows: list[tuple[str, ...]] = []
     turned: list[str] = []
@@ -71,6 +70,16 @@ def _rows(
         values = [found.get(size.words) for size in sizes]
         cells = ["" if v is None else format_with_unit(v, result.unit) for v in (*values, result.estimate)]
         yield claim.id, f"{result.quantity}, {result.effect_of}", "yes" if check.decides else "", *cells
+
+
+def effects_of(paper: str, runs: Sequence[Path]) -> dict[tuple[str, str], dict[str, float]]:
+    """Return estimates by size, by claim and check."""
+    sizes, claims = read_sizes(runs), load_claims(paper)
+    return {
+        (claim.id, check.id): estimates_at(sizes, check, claims.track, _levels(claim))
+        for claim in claims.claims
+        for check in claim.checks
+    }
 
 
 def _is_compared(claim: Claim, sizes: Sequence[Sized], track: str) -> bool:
@@ -113,9 +122,7 @@ def steps_of(run: RunRecord) -> int:
 
 def views_of(folder: Path) -> int:
     """Return the number of training views of each scene of a published run."""
-    scale = scale_in(folder, read_run(folder).size)
-    assert scale is not None, f"expected {folder}/suite.json that tells views"
-    return scale.train_views
+    return scale_in_folder(folder).train_views
 
 
 def _mean(values: Sequence[float], unit: str) -> str:
