@@ -99,7 +99,7 @@ def test_a_child_does_not_hold_the_lock_of_a_dead_worker(tmp_path: Path) -> None
 
 
 def test_who_waits_says_for_whom(tmp_path: Path) -> None:
-    first, second = run_all(wait_for, [(str(tmp_path), 2.0)] * 2, 2, silent)
+    first, second = run_all(wait_for, [(str(tmp_path), 60.0)] * 2, 2, silent)
     (words,) = first.value or second.value
     assert words.startswith("process ")
 

@@ -128,11 +128,18 @@ def report(number: int) -> Outcome:
 
 
 def wait_for(job: tuple[str, float]) -> Outcome:
-    """Hold a lock for some time; say for whom it was waited."""
+    """Hold a lock until another process waits for it, at most some seconds; say for whom it was waited."""
     folder, seconds = job
-    heard: list[str] = []
-    with file_lock(Path(folder) / "lock", heard.append):
-        time.sleep(seconds)
+    waits, heard = Path(folder) / "waits", list[str]()
+
+    def hear(who: str) -> None:
+        heard.append(who)
+        waits.touch()
+
+    with file_lock(Path(folder) / "lock", hear):
+        until = time.monotonic() + seconds
+        while not waits.exists() and time.monotonic() < until:
+            time.sleep(0.01)
     return Outcome(value=heard)
 
 

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ import pytest
 from graycard import OutputError
 from graycard.io import (
     _leftovers,
+    _lock,
     await_file,
     file_lock,
     lock_words,
@@ -94,9 +96,48 @@ def test_processes_exclude_each_other_where_flock_lets_all_in(
 
 
 def test_who_waits_says_for_whom(tmp_path: Path, shared: None) -> None:
-    first, second = run_all(wait_for, [(str(tmp_path), 2.0)] * 2, 2, silent)
+    first, second = run_all(wait_for, [(str(tmp_path), 60.0)] * 2, 2, silent)
     (words,) = first.value or second.value
     assert words.startswith("process ")
+
+
+def hold_and_name(path: Path, words: str, held: threading.Event, told: threading.Event) -> None:
+    """Hold a lock file, write its holder's name late, and let go once somebody was told of it."""
+    with path.open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        held.set()
+        time.sleep(0.2)
+        file.write(words)
+        file.flush()
+        told.wait(60)
+        path.unlink()
+
+
+@pytest.mark.parametrize("kind", ["kernel", "files"])
+@pytest.mark.parametrize(
+    ("words", "given_s", "said"), [("process 7 on b", 60.0, "process 7 on b"), ("", 0.1, "another process")]
+)
+def test_a_new_holder_is_given_time_to_write_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, words: str, given_s: float, said: str
+) -> None:
+    monkeypatch.setenv(_systems.LOCKS, kind)
+    monkeypatch.setattr(_marks, "_LOOK_S", 0.01)
+    for module in (_lock, _marks):
+        monkeypatch.setattr(module, "_NAMED_S", given_s)
+    heard: list[str] = []
+    held, told = threading.Event(), threading.Event()
+    path = tmp_path / ".lock"
+    holder = threading.Thread(target=hold_and_name, args=(path, words, held, told))
+    holder.start()
+    held.wait()
+
+    def hear(who: str) -> None:
+        heard.append(who)
+        told.set()
+
+    with file_lock(path, hear):
+        holder.join()
+    assert heard == [said]
 
 
 HOLD = """

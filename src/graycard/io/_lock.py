@@ -6,6 +6,7 @@ import errno
 import os
 import socket
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,8 @@ from graycard.io.sharing._systems import is_shared, kind_of
 
 _NO_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
 """Errors of ``flock`` where a file system has none."""
+_NAMED_S = 1.0
+"""Time that a new holder is given to write its name."""
 
 
 @contextmanager
@@ -98,7 +101,7 @@ def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
         descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
         if not hold(descriptor, wait=False):
             if not waited:
-                on_wait(_holder(path))
+                on_wait(_holder(descriptor))
             waited = True
             hold(descriptor)
         if is_at(descriptor, path):
@@ -106,10 +109,9 @@ def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
         let_go(descriptor)
 
 
-def _holder(path: Path) -> str:
-    """Say who holds a lock, as its file does."""
-    try:
-        found = path.read_bytes()[:200].decode(errors="replace")
-    except OSError:
-        found = ""
-    return printable(found) or "another process"
+def _holder(descriptor: int) -> str:
+    """Say who holds an open lock file, as it does; a holder locks it first and then writes its name."""
+    until = time.monotonic() + _NAMED_S
+    while not (found := os.pread(descriptor, 200, 0)) and time.monotonic() < until:
+        time.sleep(0.01)
+    return printable(found.decode(errors="replace")) or "another process"
