@@ -11,6 +11,7 @@ from graycard.benchmarks.claims._claim import Quantity as Quantity
 from graycard.benchmarks.claims._claim import Scenes as Scenes
 from graycard.benchmarks.claims._claim import claims_names as claims_names
 from graycard.benchmarks.claims._claim import claims_of_suite as claims_of_suite
+from graycard.benchmarks.claims._claim import claims_of_tracks as claims_of_tracks
 from graycard.benchmarks.claims._claim import claims_path as claims_path
 from graycard.benchmarks.claims._claim import load_claims as load_claims
 from graycard.benchmarks.claims._judge import judge_claims as judge_claims

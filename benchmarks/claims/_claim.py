@@ -260,6 +260,12 @@ def claims_of_suite(suite: str) -> list[str]:
     return [name for name in claims_names() if load_claims(name).suite == suite]
 
 
+def claims_of_tracks(tracks: Iterable[str]) -> list[str]:
+    """Names of the files of claims about scenes of some tracks; all where there are none."""
+    wanted = set(tracks)
+    return [name for name in claims_names() if load_claims(name).track in wanted] or claims_names()
+
+
 def check_unique(what: str, names: Iterable[str], where: str) -> None:
     """Refuse names that stand twice.
 

@@ -142,7 +142,10 @@ def test_a_run_that_no_claims_are_made_for_is_held_against_all_if_asked(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["claims", str(run)]) == 2
-    assert "expected a run of suite 'claims-tabletop' for claims 'goris'" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "expected a run of suite 'claims-dark' for claims 'sunfaded', got a run of suite 'hand'" in said
+    assert "--any-suite" in said
+    assert "--sizes" in said
     assert read_ledger(run) is None
     assert main(["claims", str(run), "--any-suite"]) == 0
     ledger = read_ledger(run)

@@ -105,10 +105,17 @@ class ClaimsCommand:
         Raises:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
-        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
+        from graycard.benchmarks.claims import (
+            claims_names,
+            claims_of_suite,
+            claims_of_tracks,
+            judge_run,
+            made_for_others,
+        )
 
         record = read_run(run)
-        names = self.claims or claims_of_suite(record.suite) or claims_names()
+        known = claims_names() if self.any_suite else claims_of_tracks(scene.track for scene in record.scenes)
+        names = self.claims or claims_of_suite(record.suite) or known
         others = self._others(record)
         found = judge_run(record, run, names, any_suite=self.any_suite, **others)
         if self.sizes:
