@@ -15,7 +15,7 @@ from graycard.benchmarks import Plan, Terms, _runner, load_suite, run_bench, run
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sizes import at_size, scaled
-from graycard.benchmarks.claims import Sized, _noise, read_sizes
+from graycard.benchmarks.claims import Sized, _noise, load_claims, read_sizes
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.gates._gate import judge, make_baseline
 from graycard.benchmarks.planning._parts import Part
@@ -39,6 +39,11 @@ WHOLE_VIEWS = ("sizes-tabletop", "sizes-multilight", "claims-tabletop-hd")
 """Suites whose steps with light draw a whole view of larger pictures, too."""
 IN_TILES = ("goris", "gsid", "gsir")
 """Methods whose steps with light draw a tile. The tiles of ``sunfaded`` are others: those of its light."""
+MAIN_CLAIMS = [
+    ("dark", "sunfaded", "S1 S2 S6 S13 S14"),
+    ("tabletop", "goris", "R1 R14 R15"),
+    ("multilight", "gsid", "G1 G2 G3 G4 G5 G6 G7 G11 G13 G14"),
+]
 HERE = Scale(112, 112, 20, 5, 1.0)
 
 
@@ -96,6 +101,15 @@ def test_rows_of_a_name_are_the_same_method_at_each_size(suite: str, track: str)
         free = budget | {"tile"} if name in WHOLE_VIEWS and method.entry in IN_TILES else budget
         kept = [{k: v for k, v in m.settings.items() if k not in free} for m in (method, of_claims)]
         assert kept[0] == kept[1], method.row
+
+
+@pytest.mark.parametrize(("track", "paper", "names"), MAIN_CLAIMS)
+def test_suites_of_large_scenes_have_the_rows_of_the_main_claims(track: str, paper: str, names: str) -> None:
+    rows = {method.row for method in load_suite(f"claims-{track}-hd").methods}
+    claims = {claim.id: claim for claim in load_claims(paper).claims}
+    for name in names.split():
+        wanted = {row for check in claims[name].checks if check.decides for row in check.rows}
+        assert wanted <= rows, name
 
 
 @pytest.mark.parametrize("width", [112, 168, 256])
