@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,16 @@ import pytest
 
 from claims_by_hand import LEVELS, against, check_of, course, fitted, judged
 from graycard import TRACKS, RecordError
-from graycard.benchmarks import Plan, Terms, _runner, load_suite, run_bench, run_part, run_until_decided
+from graycard.benchmarks import (
+    Plan,
+    Terms,
+    _runner,
+    load_suite,
+    run_bench,
+    run_part,
+    run_until_decided,
+    suite_names,
+)
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sizes import at_size, scaled
@@ -122,13 +132,14 @@ def test_a_step_draws_a_whole_view_at_each_size(suite: str, width: int) -> None:
         assert len(windows_of(width, width, method.settings["tile"])) == 1, method.row
 
 
-@pytest.mark.parametrize("track", TRACKS)
-def test_no_scene_is_sealed_in_two_suites_of_claims(track: str) -> None:
+def test_no_scene_is_sealed_in_two_suites() -> None:
     """Else the scores of the one are seen before the other is run."""
-    ranges = [load_suite(f"claims-{track}{size}").sealed for size in ("", "-hd")]
-    places = [{scene_name(spec) for spec in found.drawn()} for found in ranges if found]
-    assert len(places) == 2
-    assert not places[0] & places[1]
+    suites = map(load_suite, suite_names())
+    ranges = {suite.name: suite.sealed for suite in suites if suite.sealed is not None}
+    assert len(ranges) == 11
+    for (one, first), (other, second) in combinations(ranges.items(), 2):
+        shared = [scene_name(spec) for spec in first.drawn() if second.holds(spec)]
+        assert not shared, (one, other)
 
 
 def test_steps_and_surfels_are_multiplied_where_a_method_has_them() -> None:
