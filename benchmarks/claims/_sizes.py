@@ -49,7 +49,9 @@ def estimates_at(sizes: Sequence[Sized], check: Check, track: str, levels: Level
     return {words: effect.estimate for words, effect in found.items() if effect}
 
 
-def turned_by_size(claim: Claim, sizes: Sequence[Sized], here: str, track: str, levels: Levels) -> str:
+def turned_by_size(
+    claim: Claim, sizes: Sequence[Sized], here: str, track: str, levels: Levels, judged: str = ""
+) -> str:
     """Say which verdict estimates alone would give at another size; empty where it is the same at all.
 
     The few scenes of such runs give no intervals that decide, so this names a verdict and holds none back.
@@ -61,13 +63,18 @@ def turned_by_size(claim: Claim, sizes: Sequence[Sized], here: str, track: str, 
             the smallest where none has it.
         track: Of the scenes.
         levels: Of the intervals; estimates do not depend on them.
+        judged: The verdict of the run itself; a size that gives it, where ``here`` does not, is marked.
     """
     said = {size.words: _alone(claim, size.readings, track, levels) for size in sizes}
     known = {words: verdict for words, verdict in said.items() if verdict is not None}
     if len(known) < 2:
         return ""
     own = here if here in known else next(iter(known))
-    turned = [f"{verdict} at {words}" for words, verdict in known.items() if verdict != known[own]]
+    turned = [
+        f"{verdict} at {words}{' (as in this run)' if verdict == judged else ''}"
+        for words, verdict in known.items()
+        if verdict != known[own]
+    ]
     return f"by estimates alone {known[own]} at {own}, but {', '.join(turned)}" if turned else ""
 
 

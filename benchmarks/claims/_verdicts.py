@@ -114,13 +114,13 @@ def judge_claim(claim: Claim, case: Case) -> ClaimResult:
         budget_of(claim, case.paper, case.readings, case.means()),
         claim.figures,
         claim.notes,
-        "" if verdict == NOT_TESTABLE else _turned_by_size(claim, case),
+        "" if verdict == NOT_TESTABLE else _turned_by_size(claim, case, deciding.word(verdict)),
     )
 
 
-def _turned_by_size(claim: Claim, case: Case) -> str:
+def _turned_by_size(claim: Claim, case: Case, verdict: ClaimVerdict) -> str:
     here = case.scale.words if case.scale else ""
-    return turned_by_size(claim, case.sizes, here, case.paper.track, _levels(claim, case.level))
+    return turned_by_size(claim, case.sizes, here, case.paper.track, _levels(claim, case.level), verdict)
 
 
 def _in_words_of(check: CheckResult, deciding: Deciding) -> CheckResult:

@@ -377,7 +377,15 @@ def test_sizes_are_compared_with_that_of_the_run_and_else_with_the_smallest() ->
     large = judged(against(-5.0), check_of(), sizes=both, scale=Scale(256, 256, 20, 5, 1.0))
     assert large.turns == f"by estimates alone contradicted at {LARGE}, but reproduced at {SMALL}"
     other = judged(against(-5.0), check_of(), sizes=both, scale=Scale(64, 64, 20, 5, 1.0))
-    assert other.turns.startswith(f"by estimates alone reproduced at {SMALL}, but")
+    contradicted = f"contradicted at {LARGE} (as in this run)"
+    assert other.turns == f"by estimates alone reproduced at {SMALL}, but {contradicted}"
+
+
+def test_a_size_at_which_estimates_agree_with_the_run_is_marked_where_those_of_its_own_size_do_not() -> None:
+    found = judged(against(-5.0), check_of(), sizes=sizes(small=5.0, large=-5.0), scale=HERE)
+    contradicted = f"contradicted at {LARGE} (as in this run)"
+    assert found.verdict == "contradicted"
+    assert found.turns == f"by estimates alone reproduced at {SMALL}, but {contradicted}"
 
 
 def test_a_course_that_goes_back_at_one_step_turns_a_verdict() -> None:
