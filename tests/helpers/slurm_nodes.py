@@ -77,10 +77,15 @@ def slurm(root: Path) -> Iterator[dict[str, str]]:
         _await_nodes(environment)
         yield environment
     finally:
+        _await_end_of_jobs(environment)
         for daemon in reversed(running):
             daemon.terminate()
         for daemon in running:
-            daemon.wait()
+            try:
+                daemon.wait(_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                daemon.kill()
+                daemon.wait()
 
 
 def _configure(root: Path) -> None:
@@ -104,6 +109,16 @@ def _free_ports(count: int) -> list[int]:
     for one in taken:
         one.close()
     return found
+
+
+def _await_end_of_jobs(environment: dict[str, str]) -> None:
+    """Wait a while until no job is left: a node whose job ends without a controller never ends."""
+    until = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < until:
+        asked = subprocess.run(["squeue", "--noheader"], env=environment, capture_output=True, check=False)
+        if asked.returncode or not asked.stdout.strip():
+            return
+        time.sleep(0.5)
 
 
 def _await_nodes(environment: dict[str, str]) -> None:
