@@ -120,6 +120,11 @@ class FitJob:
         seed = f", seed {self.job.seed}" if self.job.seed else ""
         return f"{self.job.track}/{self.job.scene} {self.job.method}{seed}"
 
+    @property
+    def may_use_gpu(self) -> bool:
+        """Tell whether the fit may use a GPU: not with back end ``cpu``, nor where nothing is fitted."""
+        return self.given is None and self.job.settings.get("backend") != "cpu"
+
 
 @dataclass(frozen=True, slots=True)
 class Done:

@@ -11,12 +11,14 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from graycard.benchmarks import _runner, check_result
 from graycard.benchmarks._jobs import FitJob, find_scores, run_fit, run_score
+from graycard.benchmarks._submitted import Given
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
 from graycard.io import file_lock, read_json, sha256, write_json
@@ -104,6 +106,16 @@ def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixtur
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("bench: 12 jobs, 0 failures")
     assert last.endswith(str(tiny_run / "report" / "index.html"))
+
+
+def test_a_fit_on_the_cpu_or_of_other_code_uses_no_gpu(tmp_path: Path):
+    def fit(**settings: str) -> FitJob:
+        return FitJob(Job("dark", "a", "2dgs", 0, settings, "2dgs"), "hash", tmp_path, tmp_path, 1)
+
+    assert fit(backend="cuda").may_use_gpu
+    assert fit().may_use_gpu, "nobody knows what a method without back ends uses"
+    assert not fit(backend="cpu").may_use_gpu
+    assert not replace(fit(), given=Given(tmp_path, "")).may_use_gpu
 
 
 def test_scores_that_another_worker_has_just_made_are_kept(write_tiny: Callable[..., Path], tmp_path: Path):

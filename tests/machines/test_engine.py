@@ -18,9 +18,9 @@ from graycard.benchmarks._sources import hardware
 from graycard.io import silent
 from graycard.machines import ClusterSpec, MachineError, Machines, connected
 from graycard.machines import _engine as engine
-from graycard.machines._hand import Placed
+from graycard.machines._hand import Errand, Placed
 from graycard.machines._origin import differences, origin
-from graycard.processes import Limits, Outcome, StandingWorker
+from graycard.processes import USUAL, Limits, Outcome, StandingWorker
 from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
 
 if TYPE_CHECKING:
@@ -153,10 +153,73 @@ def test_resources_that_no_worker_offers_are_told_of(
     heard: list[str] = []
     spec = dataclasses.replace(machines.spec, gpus=1)
     wanting = Machines(spec, machines.new_client, heard.append, _client=machines.client)
-    words = engine._awaited(wanting)
+    words = engine._awaited(wanting, [False, True])
     assert words.startswith("no worker offers what a job asks for; start one with `dask worker")
     assert f'"MEMORY={2**31} GPU=1"' in words
-    assert engine._awaited(machines) == ""
+    assert engine._awaited(wanting, [False]) == ""
+    assert engine._awaited(machines, [True]) == ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """A job that may use a GPU, or may not."""
+
+    name: str
+    may_use_gpu: bool
+
+
+class Hands:
+    """A client that notes what each job asks for, and does none."""
+
+    status = "running"
+
+    def __init__(self) -> None:
+        self.asked: dict[str, dict[str, float] | None] = {}
+
+    def scheduler_info(self, n_workers: int) -> dict[str, dict[str, dict[str, object]]]:
+        offers: list[dict[str, float]] = [{"GPU": 1.0}, {}, {}]
+        return {"workers": {str(n): {"nthreads": 1, "resources": o} for n, o in enumerate(offers)}}
+
+    def nthreads(self) -> dict[str, int]:
+        return {"0": 1, "1": 1, "2": 1}
+
+    def submit(
+        self,
+        work: object,
+        errand: object,
+        job: Fit,
+        origin: object,
+        *,
+        resources: dict[str, float],
+        **_: object,
+    ) -> object:
+        self.asked[job.name] = options["resources"]
+        return object()
+
+
+@pytest.mark.parametrize(
+    ("confines", "asked"),
+    [
+        # One worker has a GPU, so one fit that may use it is out; no other waits behind it.
+        ("serve", {"2dgs": {"GPU": 1.0}, "gray": None, "input": None, "retinex": None}),
+        # To render and to score takes no GPU; three workers, three jobs.
+        ("", {"2dgs": None, "gsir": None, "gray": None}),
+    ],
+)
+def test_only_fits_that_may_use_a_gpu_ask_for_one(
+    confines: str, asked: dict[str, dict[str, float] | None]
+) -> None:
+    hands = Hands()
+    spec = ClusterSpec(address="tcp://node:8786", gpus=1)
+    machines = Machines(spec, lambda: cast("Client", None), print, _client=cast("Client", hands))
+    jobs = [Fit("2dgs", True), Fit("gsir", True), *(Fit(n, False) for n in ("gray", "input", "retinex"))]
+    errand = Errand(Placed(tell_process, Path.cwd()), USUAL, 1, confines)
+    course = engine._Course(machines, errand, jobs, lambda job: None, silent)
+    course.skip_done(range(len(jobs)))
+    course._hand_out()
+    assert hands.asked == asked
+    course._hand_out()
+    assert hands.asked == asked
 
 
 def test_a_worker_that_dies_is_replaced_and_its_job_done_again(machines: Machines, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from uuid import uuid4
@@ -86,6 +87,16 @@ class Machines:
         """Return the threads of each worker, by its address."""
         return cast("dict[str, int]", self.client.nthreads())  # a coroutine for asynchronous clients alone
 
+    def threads_for(self, *, gpu: bool) -> int:
+        """Return the threads of those workers that offer what a job asks for.
+
+        Args:
+            gpu: The job asks for a GPU.
+        """
+        asked = self.spec.asked(gpu=gpu)
+        workers = self.client.scheduler_info(n_workers=-1)["workers"].values()
+        return sum(one["nthreads"] for one in workers if _offers(one.get("resources", {}), asked))
+
     def jobs_at_a_time(self) -> int:
         """Return how many jobs are done at a time, workers that a cluster has yet to start included."""
         asked = 0 if self.spec.kind == "address" else self.spec.workers
@@ -153,7 +164,8 @@ class Machines:
             find_cached: As there; asked again before a job is given to a second machine.
             limits: Of each job; memory is that of the spec where none is given.
             tasks_each: As there.
-            confines: As there.
+            confines: As there. Such work runs methods, which alone may use GPUs: a job asks for those of the
+                spec unless its ``may_use_gpu`` says no.
 
         Raises:
             MachineError: A job could not write its result, a machine cannot run graycard or has other code of
@@ -180,7 +192,8 @@ class _Course:
     out: "dict[int, Future]" = field(default_factory=dict)
     outcomes: dict[int, Outcome] = field(default_factory=dict)
     losses: Counter[int] = field(default_factory=Counter)
-    room: int = 1
+    room: dict[bool, int] = field(default_factory=lambda: {True: 1, False: 1})
+    """Threads of the workers that jobs can be given to, with a GPU and without."""
     counted: float = float("-inf")
     heard: float = field(default_factory=time.monotonic)
 
@@ -218,15 +231,28 @@ class _Course:
     def _hand_out(self) -> None:
         """Give Dask as many jobs as workers have threads: so each that is free takes the next."""
         self._count()
-        while self.todo and len(self.out) < self.room:
-            number = self.todo.popleft()
-            name = f"{self.errand.work.work.__name__}-{uuid4().hex}"
-            given = self.errand, self.jobs[number], origin()
-            self.out[number] = self.machines.client.submit(
-                do_errand, *given, key=name, resources=self.machines.spec.resources or None, pure=False
-            )
-            if hasattr(self.jobs[number], "words"):
-                self.progress(len(self.outcomes) / len(self.jobs), self._at(number))
+        for gpu, room in self.room.items():
+            free = room - sum(self._on_gpu(number) == gpu for number in self.out)
+            waiting = (number for number in self.todo if self._on_gpu(number) == gpu)
+            for number in [*islice(waiting, max(0, free))]:
+                self.todo.remove(number)
+                self._give(number)
+
+    def _give(self, number: int) -> None:
+        """Give Dask a job."""
+        name = f"{self.errand.work.work.__name__}-{uuid4().hex}"
+        given = self.errand, self.jobs[number], origin()
+        asked = self.machines.spec.asked(gpu=self._on_gpu(number)) or None
+        self.out[number] = self.machines.client.submit(
+            do_errand, *given, key=name, resources=asked, pure=False
+        )
+        if hasattr(self.jobs[number], "words"):
+            self.progress(len(self.outcomes) / len(self.jobs), self._at(number))
+
+    def _on_gpu(self, number: int) -> bool:
+        """Tell whether a job asks for a GPU: it runs a method that may use one, and the spec has some."""
+        runs_method = bool(self.errand.confines) and getattr(self.jobs[number], "may_use_gpu", True)
+        return self.machines.spec.gpus > 0 and runs_method
 
     def _count(self) -> None:
         """Count the threads of workers, now and then; tell the user if nothing can be done."""
@@ -234,10 +260,10 @@ class _Course:
             return
         self.counted = time.monotonic()
         with contextlib.suppress(OSError, TimeoutError):  # a scheduler that was just lost
-            self.room = max(1, sum(self.machines.threads_of_workers().values()))
+            self.room = {gpu: max(1, self.machines.threads_for(gpu=gpu)) for gpu in self.room}
             if self.counted > self.heard + _QUIET_S:
                 self.heard = self.counted
-                if words := _awaited(self.machines):
+                if words := _awaited(self.machines, map(self._on_gpu, self.out)):
                     self.machines.say(words)
 
     def _take_in(self) -> None:
@@ -289,15 +315,19 @@ class _Course:
         self.outcomes[number] = Outcome(reason=reason)
 
 
-def _awaited(machines: Machines) -> str:
-    """Say what is waited for besides jobs; empty if nothing is."""
-    workers = machines.client.scheduler_info(n_workers=-1)["workers"].values()
-    if not workers:
+def _awaited(machines: Machines, on_gpu: Iterable[bool]) -> str:
+    """Say what jobs wait for that no worker has; empty if for nothing.
+
+    Args:
+        machines: The cluster.
+        on_gpu: Whether each job that is handed out asks for a GPU.
+    """
+    if not machines.threads_of_workers():
         return "no worker is there yet; jobs begin with the first"
-    asked = machines.spec.resources
-    if any(_offers(worker.get("resources", {}), asked) for worker in workers):
+    lacking = [gpu for gpu in sorted(set(on_gpu)) if not machines.threads_for(gpu=gpu)]
+    if not lacking:
         return ""
-    words = " ".join(f"{name}={count:.0f}" for name, count in asked.items())
+    words = " ".join(f"{name}={count:.0f}" for name, count in machines.spec.asked(gpu=lacking[0]).items())
     return f'no worker offers what a job asks for; start one with `dask worker … --resources "{words}"`'
 
 

@@ -35,7 +35,7 @@ class ClusterSpec:
     memory_gib: float | None = None
     """Memory of a job, GiB; None: a job may take what its machine has, and asks for none."""
     gpus: int = 0
-    """GPUs of a job."""
+    """GPUs of a fit that may use one."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Further arguments of the cluster's class in ``dask_jobqueue``, as ``queue`` and ``walltime``."""
 
@@ -66,9 +66,17 @@ class ClusterSpec:
 
     @property
     def resources(self) -> dict[str, float]:
-        """Return what each job asks of a worker, by the names that Dask's manual gives them."""
+        """Return what each worker that is started offers, by the names that Dask's manual gives them."""
+        return self.asked(gpu=True)
+
+    def asked(self, *, gpu: bool) -> dict[str, float]:
+        """Return what a job asks of a worker, by the same names.
+
+        Args:
+            gpu: It may use a GPU.
+        """
         memory = {} if self.memory_gib is None else {"MEMORY": float(round(self.memory_gib * _GIB))}
-        return memory | ({"GPU": float(self.gpus)} if self.gpus else {})
+        return memory | ({"GPU": float(self.gpus)} if gpu and self.gpus else {})
 
 
 def read_scheduler(text: str, jobs: int, cores: int) -> ClusterSpec:
