@@ -184,14 +184,7 @@ class Hands:
         return {"0": 1, "1": 1, "2": 1}
 
     def submit(
-        self,
-        work: object,
-        errand: object,
-        job: Fit,
-        origin: object,
-        *,
-        resources: dict[str, float],
-        **_: object,
+        self, work: object, errand: object, job: Fit, origin: object, **options: dict[str, float] | None
     ) -> object:
         self.asked[job.name] = options["resources"]
         return object()
