@@ -14,6 +14,8 @@ from graycard.synth._scene import Scene as Scene
 from graycard.synth._scene import Texture as Texture
 from graycard.synth._scene import Thing as Thing
 from graycard.synth._spec import GENERATOR_VERSION as GENERATOR_VERSION
+from graycard.synth._spec import MOST_PATHS as MOST_PATHS
+from graycard.synth._spec import SUB_BUFFERS as SUB_BUFFERS
 from graycard.synth._spec import CaptureSettings as CaptureSettings
 from graycard.synth._spec import RenderSettings as RenderSettings
 from graycard.synth._spec import SceneSpec as SceneSpec

@@ -19,7 +19,7 @@ from graycard.benchmarks._run_record import RunError
 from graycard.machines import Machines
 from graycard.processes import Outcome, named, narrowed
 from graycard.resources import free_memory
-from graycard.synth import RenderSettings, scene_name
+from graycard.synth import MOST_PATHS, SUB_BUFFERS, RenderSettings, scene_name
 
 _LEAST = 4
 """Pictures of a part at least: a worker takes seconds to import Mitsuba and to compile its kernels."""
@@ -29,7 +29,8 @@ _SCENES_EACH = 2
 """Scenes for each worker that are enough: few workers are then idle at the end."""
 
 _BYTES, _BYTES_A_PIXEL, _BYTES_A_PATH = 2**30, 2**13, 120
-"""Memory that it takes to render any scene; for each pixel more; and for each light path of a pixel.
+"""Memory that it takes to render any scene; more for each pixel, and for each light path of a view, up to
+those that are followed at once.
 
 Rounded up from 0.6 GiB at 112 x 112 pixels with 64 paths, 3.6 at 512 x 512 with 64, and 2.8 at 256 x 256 with
 400.
@@ -96,8 +97,9 @@ def _side_by_side(absent: list[RenderJob], most: int) -> int:
 
 def _memory(settings: RenderSettings) -> int:
     """Return the bytes that it takes at most to render a scene."""
-    paths = max(settings.samples, settings.training_samples)
-    return _BYTES + settings.width * settings.height * (_BYTES_A_PIXEL + _BYTES_A_PATH * paths)
+    pixels = settings.width * settings.height
+    paths = min(pixels * max(settings.samples, settings.training_samples), SUB_BUFFERS * MOST_PATHS)
+    return _BYTES + _BYTES_A_PIXEL * pixels + _BYTES_A_PATH * paths
 
 
 def _pays_to_cut(absent: list[RenderJob], workers: int) -> bool:

@@ -9,11 +9,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from graycard.io import to_builtins
-from graycard.synth._spec import GENERATOR_VERSION, NEEDED_VERSION, RenderSettings, SceneSpec
+from graycard.synth._spec import GENERATOR_VERSION, NEEDED_VERSION, PASSES_VERSION, RenderSettings, SceneSpec
 from graycard.synth.families import default_knobs, resolved_knobs
 
 NEEDED = "needed_layers"
 """Name of the version of scenes whose training views hold no more than is needed; of others there is none."""
+
+PASSES = "passes"
+"""Name of the version of scenes with pictures that are traced in passes; of others there is none."""
 
 _OPEN = ("knobs", "render")
 """Parts of an identity that may gain members."""
@@ -31,6 +34,8 @@ def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
     }
     if settings.training_layers == "needed":
         made_from[NEEDED] = NEEDED_VERSION
+    if settings.in_passes:
+        made_from[PASSES] = PASSES_VERSION
     return to_builtins(made_from)
 
 

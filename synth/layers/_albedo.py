@@ -11,16 +11,13 @@ import mitsuba as mi
 import numpy as np
 
 from graycard import Camera
+from graycard.synth._spec import DIRECTIONS
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import centre_rays, pixel_means, seeded_sampler
-
-SAMPLES = 256
-"""Directions of each pixel, stratified: a matte surface is known exactly, LambertGGX and rough conductors to
-about 1/500, the principled material, whose lobes cannot be asked for one by one, to about 1/100."""
+from graycard.synth.renderer._wavefront import centre_rays, mean_image
 
 
 def directional_albedo(
-    loaded: mi.Scene, camera: Camera, seed: int, samples: int = SAMPLES
+    loaded: mi.Scene, camera: Camera, seed: int, samples: int = DIRECTIONS
 ) -> dict[str, np.ndarray]:
     """Directional-hemispherical reflectance towards the camera, at the pixel centres.
 
@@ -38,9 +35,11 @@ def directional_albedo(
         ``albedo``, shape ``(H, W, 3)``, float32; 0 where nothing is seen and on the back of a surface.
     """
     eye = sensor(camera, samples)
-    sampler, _ = seeded_sampler(eye, seed)
-    si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
-    (albedo,) = pixel_means([_weights(si, sampler)], eye, samples)
+
+    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
+        return [_weights(loaded.ray_intersect(centre_rays(eye, sampler, samples)), sampler)]
+
+    (albedo,) = mean_image(eye, seed, traced)
     return {"albedo": albedo.astype(np.float32)}
 
 

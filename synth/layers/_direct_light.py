@@ -13,7 +13,7 @@ import numpy as np
 
 from graycard import Camera, luminance
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import centre_rays, pixel_means, seeded_sampler
+from graycard.synth.renderer._wavefront import centre_rays, mean_image
 
 SAMPLES = 36
 """Points on each light in each independent image, stratified."""
@@ -53,10 +53,12 @@ def direct_light(loaded: mi.Scene, camera: Camera, seeds: list[int], samples: in
 
 
 def _image(loaded: mi.Scene, eye: mi.Sensor, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    sampler, samples = seeded_sampler(eye, seed)
-    si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
-    pairs = [_irradiances(loaded, emitter, si, sampler) for emitter in loaded.emitters()]
-    means = pixel_means([color for pair in pairs for color in pair], eye, samples)
+    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
+        si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
+        pairs = [_irradiances(loaded, emitter, si, sampler) for emitter in loaded.emitters()]
+        return [color for pair in pairs for color in pair]
+
+    means = mean_image(eye, seed, traced)
     return means[0::2], means[1::2]
 
 

@@ -15,7 +15,7 @@ from graycard import Camera
 from graycard.synth._spec import RenderSettings
 from graycard.synth.layers._separation import FIRST_PART, PARTS
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import box_rays, pixel_means, seeded_sampler
+from graycard.synth.renderer._wavefront import box_rays, mean_image
 
 
 def light_shares(
@@ -51,9 +51,11 @@ def emitted_images(
 
 
 def _emitted_image(loaded: mi.Scene, eye: mi.Sensor, seed: int) -> np.ndarray:
-    sampler, samples = seeded_sampler(eye, seed)
-    si: Any = loaded.ray_intersect(box_rays(eye, sampler, samples))
-    light: Any = mi.DirectionSample3f(loaded, si, dr.zeros(mi.Interaction3f)).emitter
-    radiance = dr.select(light != None, light.eval(si), 0)  # noqa: E711 (Dr.Jit's null test)
-    mine = [light == mi.EmitterPtr(emitter) for emitter in loaded.emitters()]
-    return pixel_means([dr.select(is_mine, radiance, 0) for is_mine in mine], eye, samples)
+    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
+        si: Any = loaded.ray_intersect(box_rays(eye, sampler, samples))
+        light: Any = mi.DirectionSample3f(loaded, si, dr.zeros(mi.Interaction3f)).emitter
+        radiance = dr.select(light != None, light.eval(si), 0)  # noqa: E711 (Dr.Jit's null test)
+        mine = [light == mi.EmitterPtr(emitter) for emitter in loaded.emitters()]
+        return [dr.select(is_mine, radiance, 0) for is_mine in mine]
+
+    return mean_image(eye, seed, traced)

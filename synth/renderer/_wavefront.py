@@ -5,11 +5,17 @@ Kernels over whole images: ``llvm_ad_rgb`` only.
 """
 
 from collections.abc import Callable
+from math import ceil
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+
+from graycard.synth._spec import MOST_PATHS
+
+_SEED_STEP = 0x9E3779B9
+"""Difference between the seeds of two passes: far from those of other pictures, which are near each other."""
 
 PrimaryRays = Callable[[mi.Sensor, mi.Sampler, int], Any]
 """``(sensor, sampler, samples)``: rays of all pixels, the ``samples`` of a pixel side by side."""
@@ -39,21 +45,36 @@ def _rays(eye: Any, position: Any) -> Any:
     return eye.sample_ray_differential(eye.shutter_open(), 0.5, scaled, mi.Point2f(0.5))[0]
 
 
-def seeded_sampler(eye: mi.Sensor, seed: int) -> tuple[Any, int]:
-    """Return the sampler of all pixels at once, and its number of samples per pixel."""
+def mean_image(eye: mi.Sensor, seed: int, trace: Callable[[mi.Sampler, int], list[Any]]) -> np.ndarray:
+    """Mean over the samples of each pixel, ``(colours, H, W, 3)``, float64.
+
+    Pictures of more than :data:`MOST_PATHS` samples are traced in passes, each with stratified samples of its
+    own. Up to there, all samples of a pixel are one set.
+
+    Args:
+        eye: The view; its sampler says how many samples a pixel has at least.
+        seed: Of the random numbers.
+        trace: ``(sampler, samples)`` to colours, in which the ``samples`` of a pixel lie side by side.
+    """
     width, height = (int(v) for v in eye.film().crop_size())
-    sampler: Any = eye.sampler().clone()
-    samples = sampler.sample_count()
-    sampler.set_samples_per_wavefront(samples)
-    sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
-    return sampler, samples
+    wanted = eye.sampler().sample_count()
+    passes = ceil(width * height * wanted / MOST_PATHS)
+    total, count = 0.0, 0
+    for number in range(passes):
+        sampler: Any = eye.sampler().clone()
+        if passes > 1:
+            sampler.set_sample_count(ceil(wanted / passes))  # it may take a few more, to fill its strata
+        samples = sampler.sample_count()
+        sampler.set_samples_per_wavefront(samples)
+        sampler.seed(dr.opaque(mi.UInt32, (seed + number * _SEED_STEP) % 2**32), width * height * samples)
+        total = total + _pixel_sums(trace(sampler, samples), (height, width), samples)
+        count += samples
+    return np.asarray(total) / count
 
 
-def pixel_means(sums: list[Any], eye: mi.Sensor, samples: int) -> np.ndarray:
-    """Colours of all samples to means over the pixels, ``(colours, H, W, 3)``, float64."""
-    width, height = (int(v) for v in eye.film().crop_size())
+def _pixel_sums(sums: list[Any], shape: tuple[int, int], samples: int) -> np.ndarray:
+    """Colours of all samples to sums over the pixels, ``(colours, H, W, 3)``, float64."""
     dr.eval(sums)  # one kernel for all channels: unevaluated, each sum below would trace all paths anew
     # sums of neighbours in a fixed order; scattering into pixels would add in the order of the threads
     pixels = [np.array(dr.block_sum(channel, samples)) for color in sums for channel in color]
-    image = np.stack(pixels).reshape(len(sums), 3, height, width).astype(np.float64)
-    return image.transpose(0, 2, 3, 1) / samples
+    return np.stack(pixels).reshape(len(sums), 3, *shape).astype(np.float64).transpose(0, 2, 3, 1)

@@ -220,6 +220,42 @@ def test_the_same_seeds_give_the_same_bits_with_any_number_of_threads() -> None:
     assert not np.array_equal(one["radiance"], other["radiance"])
 
 
+def test_a_picture_of_too_many_paths_is_traced_in_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It agrees within the noise, which is a little more: each pass has fewer strata."""
+    from graycard.synth.renderer import _wavefront
+
+    scene, settings = room(MATERIALS["papers"]), replace(SETTINGS, samples=576)
+    whole = separated(scene, settings)
+    counts: list[int] = []
+    trace = _wavefront._pixel_sums
+
+    def noted(sums: list[Any], shape: tuple[int, int], samples: int) -> np.ndarray:
+        counts.append(samples)
+        return trace(sums, shape, samples)
+
+    monkeypatch.setattr(_wavefront, "_pixel_sums", noted)
+    monkeypatch.setattr(_wavefront, "MOST_PATHS", 24 * 20 * 40)
+    passed = separated(scene, settings)
+    assert len(counts) == 4 * 4
+    assert all(36 <= count <= 40 for count in counts), "144 samples of an independent image in four passes"
+    assert not np.array_equal(whole["radiance"], passed["radiance"])
+    assert 0.8 < passed["radiance.var"].mean() / whole["radiance.var"].mean() < 1.7
+    error = np.sqrt((whole["radiance.var"] + passed["radiance.var"]).mean() / whole["radiance"].size)
+    assert abs(whole["radiance"].mean() - passed["radiance"].mean()) < 4 * np.sqrt(3) * error
+    parts = [v for name, v in passed.items() if name.startswith(("direct", "indirect", "emitted"))]
+    total = np.sum(parts, axis=0)
+    assert np.allclose(total, passed["radiance"], rtol=1e-4, atol=1e-5)
+
+
+def test_no_suite_of_256_pixels_or_less_is_rendered_in_passes() -> None:
+    """Their pictures are those that were published."""
+    usual = RenderSettings(256, 256, samples=576)
+    assert not usual.in_passes
+    assert replace(usual, width=257).in_passes
+    assert RenderSettings(128, 128, samples=4 * 33**2).in_passes
+    assert RenderSettings(128, 128, samples=16, training_samples=4 * 33**2).in_passes
+
+
 def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
     """The identity L = albedo S, with the same random numbers."""
     from graycard.synth.layers._separation import separated_images
