@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``docs/results/second.md``: what the ledger's second edition says beside the first."""
 
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from graycard.io import sha256
 from graycard.records import read_ledger, read_run
 from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
-from published import LARGE, SECOND, folders_of_large, folders_of_second
+from published import LARGE, SECOND, SIZES, folders_of_large, folders_of_second
 from written_blocks import told_and_wanted
 
 PAGE = DOCS / "results" / "second.md"
@@ -78,6 +79,13 @@ def test_a_sealed_run_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path
     assert run.edition.tag.startswith("edition-2")
     assert ledger.run_sha256 == sha256(folder / "run.json")
     assert all(scene.seed is not None and 901 <= scene.seed <= 999 for scene in run.scenes)
+
+
+def test_published_runs_take_60_megabytes_of_git():
+    """Git keeps each file of a commit compressed by zlib."""
+    files = [path for parent in (SECOND, LARGE, SIZES) for path in parent.rglob("*") if path.is_file()]
+    assert len(files) > 40
+    assert sum(len(zlib.compress(path.read_bytes(), 1)) for path in files) < 60e6
 
 
 def test_no_two_runs_of_a_track_share_a_sealed_scene():
