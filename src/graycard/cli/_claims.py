@@ -227,7 +227,8 @@ def _check_told(found: Ledger, sizes: Sequence[Path]) -> None:
 def _told_of_sizes(found: Ledger) -> str:
     """Say which verdicts would turn by estimates at other sizes, which stay, and which nobody can compare."""
     of_papers = [claim for paper in found.papers for claim in paper.claims]
-    claims = [claim for claim in of_papers if claim.checks and claim.verdict != "not testable here"]
+    of_no_run = ("not testable here", "consistent", "inconsistent")
+    claims = [claim for claim in of_papers if claim.checks and claim.verdict not in of_no_run]
     compared = [claim for claim in claims if claim.sizes_compared]
     lists = {
         "turn": [claim.id for claim in compared if claim.turns],
