@@ -123,13 +123,13 @@ def test_a_new_holder_is_given_time_to_write_its_name(
     monkeypatch.setenv(_systems.LOCKS, kind)
     monkeypatch.setattr(_marks, "_LOOK_S", 0.01)
     for module in (_lock, _marks):
-        monkeypatch.setattr(module, "_NAMED_S", given_s)
+        monkeypatch.setattr(module, "NAMED_S", given_s)
     heard: list[str] = []
     held, told = threading.Event(), threading.Event()
     path = tmp_path / ".lock"
     holder = threading.Thread(target=hold_and_name, args=(path, words, held, told))
     holder.start()
-    held.wait()
+    assert held.wait(60)
 
     def hear(who: str) -> None:
         heard.append(who)

@@ -14,13 +14,11 @@ from pathlib import Path
 from graycard.io._files import output_error
 from graycard.io._hold import hold, is_at, let_go
 from graycard.io._names import printable
-from graycard.io.sharing._marks import marked_lock
+from graycard.io.sharing._marks import NAMED_S, marked_lock
 from graycard.io.sharing._systems import is_shared, kind_of
 
 _NO_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
 """Errors of ``flock`` where a file system has none."""
-_NAMED_S = 1.0
-"""Time that a new holder is given to write its name."""
 
 
 @contextmanager
@@ -111,7 +109,7 @@ def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
 
 def _holder(descriptor: int) -> str:
     """Say who holds an open lock file, as it does; a holder locks it first and then writes its name."""
-    until = time.monotonic() + _NAMED_S
+    until = time.monotonic() + NAMED_S
     while not (found := os.pread(descriptor, 200, 0)) and time.monotonic() < until:
         time.sleep(0.01)
     return printable(found.decode(errors="replace")) or "another process"

@@ -28,7 +28,7 @@ BEAT_S = 10.0
 DEAD_S = 120.0
 """Time without one after which a holder counts as dead; NFS shows a sign up to a minute late."""
 _LOOK_S = 0.5
-_NAMED_S = 1.0
+NAMED_S = 1.0
 """Time that a new holder is given to write its name."""
 _LONGEST = 400
 """Bytes of a lock file that are read."""
@@ -119,7 +119,7 @@ def _claim(path: Path, content: bytes, on_wait: Callable[[str], None]) -> None:
         if sign.is_gone or time.monotonic() > since + DEAD_S:
             set_aside(path, sign)
             continue
-        if not told and (sign.content or time.monotonic() > since + _NAMED_S):
+        if not told and (sign.content or time.monotonic() > since + NAMED_S):
             on_wait(sign.words)
             told = True
         time.sleep(_LOOK_S)
