@@ -76,8 +76,8 @@ def slurm(root: Path) -> Iterator[dict[str, str]]:
                 time.sleep(0.5)
         _await_nodes(environment)
         yield environment
-    finally:
         _await_end_of_jobs(environment)
+    finally:
         for daemon in reversed(running):
             daemon.terminate()
         for daemon in running:
@@ -115,7 +115,9 @@ def _await_end_of_jobs(environment: dict[str, str]) -> None:
     """Wait a while until no job is left: a node whose job ends without a controller never ends."""
     until = time.monotonic() + _PATIENCE_S
     while time.monotonic() < until:
-        asked = subprocess.run(["squeue", "--noheader"], env=environment, capture_output=True, check=False)
+        asked = subprocess.run(
+            ["squeue", "--noheader"], env=environment, capture_output=True, check=False, timeout=_PATIENCE_S
+        )
         if asked.returncode or not asked.stdout.strip():
             return
         time.sleep(0.5)

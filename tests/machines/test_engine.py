@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -176,9 +176,16 @@ class Hands:
     def __init__(self) -> None:
         self.asked: dict[str, dict[str, float] | None] = {}
 
-    def scheduler_info(self, n_workers: int) -> dict[str, dict[str, dict[str, object]]]:
+    @property
+    def scheduler(self) -> "Hands":
+        return self
+
+    def identity(self, n_workers: int) -> dict[str, dict[str, dict[str, object]]]:
         offers: list[dict[str, float]] = [{"GPU": 1.0}, {}, {}]
         return {"workers": {str(n): {"nthreads": 1, "resources": o} for n, o in enumerate(offers)}}
+
+    def sync(self, question: Callable[..., object], **asked: int) -> object:
+        return question(**asked)
 
     def nthreads(self) -> dict[str, int]:
         return {"0": 1, "1": 1, "2": 1}
@@ -193,8 +200,8 @@ class Hands:
 @pytest.mark.parametrize(
     ("confines", "asked"),
     [
-        # One worker has a GPU, so one fit that may use it is out; no other waits behind it.
-        ("serve", {"2dgs": {"GPU": 1.0}, "gray": None, "input": None, "retinex": None}),
+        # One worker of three has a GPU, so one fit that may use it is out, beside two others.
+        ("serve", {"2dgs": {"GPU": 1.0}, "gray": None, "input": None}),
         # To render and to score takes no GPU; three workers, three jobs.
         ("", {"2dgs": None, "gsir": None, "gray": None}),
     ],

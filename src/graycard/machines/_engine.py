@@ -3,7 +3,7 @@
 
 import contextlib
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -87,15 +87,19 @@ class Machines:
         """Return the threads of each worker, by its address."""
         return cast("dict[str, int]", self.client.nthreads())  # a coroutine for asynchronous clients alone
 
-    def threads_for(self, *, gpu: bool) -> int:
-        """Return the threads of those workers that offer what a job asks for.
+    def room(self) -> dict[bool, int]:
+        """Return the threads of those workers that offer what a job asks for, one with a GPU and one without.
 
-        Args:
-            gpu: The job asks for a GPU.
+        Raises:
+            OSError: The scheduler is lost.
         """
-        asked = self.spec.asked(gpu=gpu)
-        workers = self.client.scheduler_info(n_workers=-1)["workers"].values()
-        return sum(one["nthreads"] for one in workers if _offers(one.get("resources", {}), asked))
+        if self.client.scheduler is None:
+            raise OSError("the scheduler is gone")
+        # what `scheduler_info` returns is a copy that a callback of the client may have emptied meanwhile
+        told = cast("dict[str, Any]", self.client.sync(self.client.scheduler.identity, n_workers=-1))
+        workers = [(one["nthreads"], one.get("resources", {})) for one in told["workers"].values()]
+        asked = {gpu: self.spec.asked(gpu=gpu) for gpu in (True, False)}
+        return {gpu: sum(n for n, has in workers if _offers(has, asked[gpu])) for gpu in asked}
 
     def jobs_at_a_time(self) -> int:
         """Return how many jobs are done at a time, workers that a cluster has yet to start included."""
@@ -188,12 +192,12 @@ class _Course:
     jobs: Sequence[Any]
     find_cached: Callable[[Any], Outcome | None]
     progress: Progress
-    todo: deque[int] = field(default_factory=deque)
+    todo: list[int] = field(default_factory=list)
     out: "dict[int, Future]" = field(default_factory=dict)
     outcomes: dict[int, Outcome] = field(default_factory=dict)
     losses: Counter[int] = field(default_factory=Counter)
     room: dict[bool, int] = field(default_factory=lambda: {True: 1, False: 1})
-    """Threads of the workers that jobs can be given to, with a GPU and without."""
+    """Threads of the workers that a job with a GPU can be given to, and one without."""
     counted: float = float("-inf")
     heard: float = field(default_factory=time.monotonic)
 
@@ -231,12 +235,17 @@ class _Course:
     def _hand_out(self) -> None:
         """Give Dask as many jobs as workers have threads: so each that is free takes the next."""
         self._count()
-        for gpu, room in self.room.items():
-            free = room - sum(self._on_gpu(number) == gpu for number in self.out)
+        for gpu in (True, False):
             waiting = (number for number in self.todo if self._on_gpu(number) == gpu)
-            for number in [*islice(waiting, max(0, free))]:
+            for number in [*islice(waiting, max(0, self._free(gpu=gpu)))]:
                 self.todo.remove(number)
                 self._give(number)
+
+    def _free(self, *, gpu: bool) -> int:
+        """Return the threads that wait for a job with a GPU, or for one without."""
+        out = Counter(map(self._on_gpu, self.out))
+        # those with a GPU take threads from the others; without a worker for them they wait, and take none
+        return self.room[gpu] - out[gpu] - (0 if gpu else min(out[True], self.room[True]))
 
     def _give(self, number: int) -> None:
         """Give Dask a job."""
@@ -260,7 +269,7 @@ class _Course:
             return
         self.counted = time.monotonic()
         with contextlib.suppress(OSError, TimeoutError):  # a scheduler that was just lost
-            self.room = {gpu: max(1, self.machines.threads_for(gpu=gpu)) for gpu in self.room}
+            self.room = {gpu: max(1, threads) for gpu, threads in self.machines.room().items()}
             if self.counted > self.heard + _QUIET_S:
                 self.heard = self.counted
                 if words := _awaited(self.machines, map(self._on_gpu, self.out)):
@@ -324,7 +333,8 @@ def _awaited(machines: Machines, on_gpu: Iterable[bool]) -> str:
     """
     if not machines.threads_of_workers():
         return "no worker is there yet; jobs begin with the first"
-    lacking = [gpu for gpu in sorted(set(on_gpu)) if not machines.threads_for(gpu=gpu)]
+    room = machines.room()
+    lacking = [gpu for gpu in sorted(set(on_gpu)) if not room[gpu]]
     if not lacking:
         return ""
     words = " ".join(f"{name}={count:.0f}" for name, count in machines.spec.asked(gpu=lacking[0]).items())
