@@ -16,11 +16,14 @@ GENERATOR_VERSION = 7
 NEEDED_VERSION = 2
 """Raised whenever files of scenes with ``training_layers = "needed"`` hold other layers, and no others do."""
 
-PASSES_VERSION = 1
-"""Raised whenever pictures that are traced in passes change, and no others do."""
+BANDS_VERSION = 1
+"""Raised whenever pictures that are traced in bands change, and no others do."""
 
 MOST_PATHS = 2**24
-"""Light paths of an independent image that are followed at once: 256 x 256 pixels with 256 samples."""
+"""Light paths of an independent image that are followed at once: 256 x 256 pixels with 256 samples.
+
+Larger pictures are traced in bands of rows. With another number they differ: raise ``BANDS_VERSION`` then.
+"""
 DIRECTIONS = 256
 """Directions at each pixel that an albedo is found from, stratified: a matte surface is known exactly,
 LambertGGX and rough conductors to about 1/500, the principled material, whose lobes cannot be asked for one
@@ -131,7 +134,7 @@ class RenderSettings:
         return SUB_BUFFERS * max(1, math.isqrt(self.samples // SUB_BUFFERS) // 2) ** 2
 
     @property
-    def in_passes(self) -> bool:
+    def in_bands(self) -> bool:
         """Tell whether some pictures have more light paths than are followed at once."""
         most = max(DIRECTIONS, max(self.samples, self.training_samples) // SUB_BUFFERS)
         return self.width * self.height * most > MOST_PATHS

@@ -26,7 +26,7 @@ from graycard.points import write_points
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
 from graycard.synth._spec import CaptureSettings, RenderSettings
-from graycard.synth.dataset._identity import NEEDED, PASSES
+from graycard.synth.dataset._identity import BANDS, NEEDED
 from graycard.synth.dataset._photographs import photographed, sensor_of
 from graycard.synth.dataset._renderings import Content
 from graycard.synth.dataset._sparse import Sighting, sighting, sparse_points
@@ -155,7 +155,7 @@ def _seal(place: Place, stamp: Mapping[str, Any]) -> None:
     generator = {"name": "graycard.synth", "version": __version__}
     origin = {**generator, "generator": stamp["generator"], "variant": stamp["variant"]}
     capture = Manifest("graycard-capture", FORMAT_VERSION, place.track, place.scene, generator, {}, {})
-    settings = {name: stamp[name] for name in ("family", "knobs", "render", NEEDED, PASSES) if name in stamp}
+    settings = {name: stamp[name] for name in ("family", "knobs", "render", NEEDED, BANDS) if name in stamp}
     truth = Manifest(
         "graycard-truth",
         FORMAT_VERSION,

@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from graycard.io import to_builtins
-from graycard.synth._spec import GENERATOR_VERSION, NEEDED_VERSION, PASSES_VERSION, RenderSettings, SceneSpec
+from graycard.synth._spec import BANDS_VERSION, GENERATOR_VERSION, NEEDED_VERSION, RenderSettings, SceneSpec
 from graycard.synth.families import default_knobs, resolved_knobs
 
 NEEDED = "needed_layers"
 """Name of the version of scenes whose training views hold no more than is needed; of others there is none."""
 
-PASSES = "passes"
-"""Name of the version of scenes with pictures that are traced in passes; of others there is none."""
+BANDS = "bands"
+"""Name of the version of scenes with pictures that are traced in bands; of others there is none."""
 
 _OPEN = ("knobs", "render")
 """Parts of an identity that may gain members."""
@@ -34,8 +34,8 @@ def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
     }
     if settings.training_layers == "needed":
         made_from[NEEDED] = NEEDED_VERSION
-    if settings.in_passes:
-        made_from[PASSES] = PASSES_VERSION
+    if settings.in_bands:
+        made_from[BANDS] = BANDS_VERSION
     return to_builtins(made_from)
 
 
@@ -71,6 +71,8 @@ def differences(
     differ = [
         f"{name}: expected {new[name]}, got {old.get(name)}" for name in new if old.get(name) != new[name]
     ]
+    if BANDS not in new and old.get(BANDS) is not None:
+        differ.append(f"{BANDS}: expected none, got {old[BANDS]}")
     gone = [name for name in old if name.partition(".")[0] in _OPEN and name not in new]
     return differ + [
         f"{name}: expected a name that this version knows, got it with {old[name]}" for name in gone

@@ -24,7 +24,7 @@ from graycard.io import (
 )
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
-from graycard.synth.dataset._identity import NEEDED, PASSES, differences, identity
+from graycard.synth.dataset._identity import BANDS, NEEDED, differences, identity
 from graycard.synth.dataset._renderings import (
     Content,
     content_of,
@@ -251,7 +251,7 @@ def _found_identity(place: Place) -> dict[str, Any] | None:
         "knobs": manifest.settings.get("knobs"),
         "render": manifest.settings.get("render"),
         NEEDED: manifest.settings.get(NEEDED),
-        PASSES: manifest.settings.get(PASSES),
+        BANDS: manifest.settings.get(BANDS),
         "variant": manifest.generator.get("variant"),
     }
 

@@ -13,7 +13,7 @@ import numpy as np
 from graycard import Camera
 from graycard.synth._spec import DIRECTIONS
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import centre_rays, mean_image
+from graycard.synth.renderer._wavefront import Band, centre_rays, mean_image
 
 
 def directional_albedo(
@@ -36,8 +36,8 @@ def directional_albedo(
     """
     eye = sensor(camera, samples)
 
-    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
-        return [_weights(loaded.ray_intersect(centre_rays(eye, sampler, samples)), sampler)]
+    def traced(band: Band, sampler: mi.Sampler) -> list[Any]:
+        return [_weights(loaded.ray_intersect(centre_rays(band, sampler)), sampler)]
 
     (albedo,) = mean_image(eye, seed, traced)
     return {"albedo": albedo.astype(np.float32)}

@@ -13,7 +13,7 @@ import numpy as np
 
 from graycard import Camera, luminance
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import centre_rays, mean_image
+from graycard.synth.renderer._wavefront import Band, centre_rays, mean_image
 
 SAMPLES = 36
 """Points on each light in each independent image, stratified."""
@@ -53,8 +53,8 @@ def direct_light(loaded: mi.Scene, camera: Camera, seeds: list[int], samples: in
 
 
 def _image(loaded: mi.Scene, eye: mi.Sensor, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
-        si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
+    def traced(band: Band, sampler: mi.Sampler) -> list[Any]:
+        si = loaded.ray_intersect(centre_rays(band, sampler))
         pairs = [_irradiances(loaded, emitter, si, sampler) for emitter in loaded.emitters()]
         return [color for pair in pairs for color in pair]
 

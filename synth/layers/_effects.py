@@ -19,7 +19,7 @@ from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
 from graycard.synth.layers._separation import FIRST_PART, PARTS
 from graycard.synth.renderer._mitsuba import sensor, shape_key
-from graycard.synth.renderer._wavefront import box_rays, mean_image
+from graycard.synth.renderer._wavefront import Band, box_rays, mean_image
 
 TAU = 0.02
 """Least share of the radiance that a change is counted from: less is hardly seen."""
@@ -78,8 +78,8 @@ def target_footprint(
 
 
 def _share(loaded: Any, eye: mi.Sensor, target: Any, seed: int) -> np.ndarray:
-    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
-        met = loaded.ray_intersect_preliminary(box_rays(eye, sampler, samples)).shape == target
+    def traced(band: Band, sampler: mi.Sampler) -> list[Any]:
+        met = loaded.ray_intersect_preliminary(box_rays(band, sampler)).shape == target
         return [mi.Color3f(dr.select(met, mi.Float(1), 0))]
 
     return mean_image(eye, seed, traced)[0, ..., 0]

@@ -15,7 +15,7 @@ from graycard import Camera
 from graycard.synth._spec import RenderSettings
 from graycard.synth.layers._separation import FIRST_PART, PARTS
 from graycard.synth.renderer._mitsuba import sensor
-from graycard.synth.renderer._wavefront import box_rays, mean_image
+from graycard.synth.renderer._wavefront import Band, box_rays, mean_image
 
 
 def light_shares(
@@ -51,8 +51,8 @@ def emitted_images(
 
 
 def _emitted_image(loaded: mi.Scene, eye: mi.Sensor, seed: int) -> np.ndarray:
-    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
-        si: Any = loaded.ray_intersect(box_rays(eye, sampler, samples))
+    def traced(band: Band, sampler: mi.Sampler) -> list[Any]:
+        si: Any = loaded.ray_intersect(box_rays(band, sampler))
         light: Any = mi.DirectionSample3f(loaded, si, dr.zeros(mi.Interaction3f)).emitter
         radiance = dr.select(light != None, light.eval(si), 0)  # noqa: E711 (Dr.Jit's null test)
         mine = [light == mi.EmitterPtr(emitter) for emitter in loaded.emitters()]

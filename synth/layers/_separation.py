@@ -19,7 +19,7 @@ from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
 from graycard.synth.renderer._mitsuba import sensor, shape_key
 from graycard.synth.renderer._scattering import Response, as_it_is
-from graycard.synth.renderer._wavefront import PrimaryRays, box_rays, mean_image
+from graycard.synth.renderer._wavefront import Band, PrimaryRays, box_rays, mean_image
 
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """Parts of the light of one source."""
@@ -115,7 +115,7 @@ def separated_images(
 ) -> np.ndarray:
     """Independent images of total, emitted and all parts, ``(images, 2 + 4 lights, H, W, 3)``, float64.
 
-    Samples of one image are in memory at once, up to ``MOST_PATHS``: 12 (2 + 4 lights) bytes each.
+    All samples of one band of an image are in memory at once: 12 (2 + 4 lights) bytes each.
     """
     eye, response = sensor(camera, settings.samples // len(seeds)), response or as_it_is
     tracer = _Tracer(list(loaded.emitters()), settings.max_depth, rays, response)
@@ -143,8 +143,8 @@ class _Tracer(NamedTuple):
 
 
 def _image(loaded: mi.Scene, eye: mi.Sensor, seed: int, tracer: _Tracer) -> np.ndarray:
-    def traced(sampler: mi.Sampler, samples: int) -> list[Any]:
-        ray = tracer.rays(eye, sampler, samples)
+    def traced(band: Band, sampler: mi.Sampler) -> list[Any]:
+        ray = tracer.rays(band, sampler)
         return _trace(loaded, sampler, ray, tracer.emitters, tracer.max_depth, tracer.response)
 
     return mean_image(eye, seed, traced)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Camera rays of all pixels at once, and what comes of them per pixel. Import it only after ``use_renderer``.
+"""Camera rays of all pixels, and what comes of them per pixel. Import it only after ``use_renderer``.
 
-Kernels over whole images: ``llvm_ad_rgb`` only.
+Kernels over bands of an image: ``llvm_ad_rgb`` only.
 """
 
 from collections.abc import Callable
-from math import ceil
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -15,66 +15,96 @@ import numpy as np
 from graycard.synth._spec import MOST_PATHS
 
 _SEED_STEP = 0x9E3779B9
-"""Difference between the seeds of two passes: far from those of other pictures, which are near each other."""
-
-PrimaryRays = Callable[[mi.Sensor, mi.Sampler, int], Any]
-"""``(sensor, sampler, samples)``: rays of all pixels, the ``samples`` of a pixel side by side."""
+"""Difference between the seeds of two bands: far from those of other pictures, which are near each other."""
 
 
-def box_rays(eye: mi.Sensor, sampler: mi.Sampler, samples: int) -> Any:
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Rows of a picture whose light paths are followed at once."""
+
+    eye: mi.Sensor
+    samples: int
+    """Samples of a pixel."""
+    first: int
+    """Number of the first pixel."""
+    pixels: int
+
+    @property
+    def paths(self) -> int:
+        """Number of light paths."""
+        return self.pixels * self.samples
+
+
+PrimaryRays = Callable[[Band, mi.Sampler], Any]
+"""Rays of all pixels of a band, the samples of a pixel side by side."""
+
+
+def box_rays(band: Band, sampler: mi.Sampler) -> Any:
     """Rays through random points of the pixels, as Mitsuba's box filter takes them."""
-    pixel = _pixels(eye, samples)
-    return _rays(eye, pixel + sampler.next_2d())
+    pixel = _pixels(band)
+    return _rays(band.eye, pixel + sampler.next_2d())
 
 
-def centre_rays(eye: mi.Sensor, sampler: mi.Sampler, samples: int) -> Any:
+def centre_rays(band: Band, sampler: mi.Sampler) -> Any:
     """Rays through the pixel centres."""
     del sampler
-    return _rays(eye, _pixels(eye, samples) + 0.5)
+    return _rays(band.eye, _pixels(band) + 0.5)
 
 
-def _pixels(eye: mi.Sensor, samples: int) -> Any:
-    width, height = (int(v) for v in eye.film().crop_size())
-    pixel = dr.arange(mi.UInt32, width * height * samples) // samples
+def _pixels(band: Band) -> Any:
+    width, _ = _size(band.eye)
+    pixel = dr.arange(mi.UInt32, band.paths) // band.samples + dr.opaque(mi.UInt32, band.first)
     return mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width))
 
 
 def _rays(eye: Any, position: Any) -> Any:
-    width, height = (int(v) for v in eye.film().crop_size())
+    width, height = _size(eye)
     scaled = position * mi.Vector2f(1 / width, 1 / height)
     return eye.sample_ray_differential(eye.shutter_open(), 0.5, scaled, mi.Point2f(0.5))[0]
 
 
-def mean_image(eye: mi.Sensor, seed: int, trace: Callable[[mi.Sampler, int], list[Any]]) -> np.ndarray:
+def _size(eye: mi.Sensor) -> tuple[int, int]:
+    width, height = (int(v) for v in eye.film().crop_size())
+    return width, height
+
+
+def bands(eye: mi.Sensor) -> list[Band]:
+    """Return the bands of a picture: one, or more where ``MOST_PATHS`` asks for it, of a row or more each."""
+    width, height = _size(eye)
+    samples = eye.sampler().sample_count()
+    rows = max(1, min(height, MOST_PATHS // (width * samples)))
+    starts = range(0, height, rows)
+    return [
+        Band(eye, samples, start * width, (min(start + rows, height) - start) * width) for start in starts
+    ]
+
+
+def mean_image(eye: mi.Sensor, seed: int, trace: Callable[[Band, mi.Sampler], list[Any]]) -> np.ndarray:
     """Mean over the samples of each pixel, ``(colours, H, W, 3)``, float64.
 
-    Pictures of more than :data:`MOST_PATHS` samples are traced in passes, each with stratified samples of its
-    own. Up to there, all samples of a pixel are one set.
-
     Args:
-        eye: The view; its sampler says how many samples a pixel has at least.
-        seed: Of the random numbers.
-        trace: ``(sampler, samples)`` to colours, in which the ``samples`` of a pixel lie side by side.
+        eye: The view; its sampler says how many samples a pixel has.
+        seed: Of the random numbers; bands after the first have seeds that follow from it.
+        trace: Colours of all samples of a band.
     """
-    width, height = (int(v) for v in eye.film().crop_size())
-    wanted = eye.sampler().sample_count()
-    passes = ceil(width * height * wanted / MOST_PATHS)
-    total, count = 0.0, 0
-    for number in range(passes):
-        sampler: Any = eye.sampler().clone()
-        if passes > 1:
-            sampler.set_sample_count(ceil(wanted / passes))  # it may take a few more, to fill its strata
-        samples = sampler.sample_count()
-        sampler.set_samples_per_wavefront(samples)
-        sampler.seed(dr.opaque(mi.UInt32, (seed + number * _SEED_STEP) % 2**32), width * height * samples)
-        total = total + _pixel_sums(trace(sampler, samples), (height, width), samples)
-        count += samples
-    return np.asarray(total) / count
+    width, height = _size(eye)
+    made = bands(eye)
+    sums = [_pixel_sums(trace(band, _seeded(band, seed, number)), band) for number, band in enumerate(made)]
+    image = np.concatenate(sums, axis=-1) if len(sums) > 1 else sums[0]
+    image = image.reshape(-1, 3, height, width).astype(np.float64)
+    return image.transpose(0, 2, 3, 1) / made[0].samples
 
 
-def _pixel_sums(sums: list[Any], shape: tuple[int, int], samples: int) -> np.ndarray:
-    """Colours of all samples to sums over the pixels, ``(colours, H, W, 3)``, float64."""
+def _seeded(band: Band, seed: int, number: int) -> mi.Sampler:
+    """Return the sampler of all pixels of a band."""
+    sampler: Any = band.eye.sampler().clone()
+    sampler.set_samples_per_wavefront(band.samples)
+    sampler.seed(dr.opaque(mi.UInt32, (seed + number * _SEED_STEP) % 2**32), band.paths)
+    return sampler
+
+
+def _pixel_sums(sums: list[Any], band: Band) -> np.ndarray:
+    """Colours of all samples to sums over the pixels, ``(3 colours, pixels)``, float32."""
     dr.eval(sums)  # one kernel for all channels: unevaluated, each sum below would trace all paths anew
     # sums of neighbours in a fixed order; scattering into pixels would add in the order of the threads
-    pixels = [np.array(dr.block_sum(channel, samples)) for color in sums for channel in color]
-    return np.stack(pixels).reshape(len(sums), 3, *shape).astype(np.float64).transpose(0, 2, 3, 1)
+    return np.stack([np.array(dr.block_sum(channel, band.samples)) for color in sums for channel in color])

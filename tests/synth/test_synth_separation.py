@@ -19,6 +19,7 @@ from graycard import (
     View,
     look_at,
 )
+from graycard.benchmarks import load_suite, suite_names
 from graycard.layers import find_fault
 from graycard.synth import Ball, Glossy, LambertGGX, Matte, Quad, RenderSettings, Scene, Thing, use_renderer
 from graycard.synth._scene import Material, surface_of
@@ -220,40 +221,53 @@ def test_the_same_seeds_give_the_same_bits_with_any_number_of_threads() -> None:
     assert not np.array_equal(one["radiance"], other["radiance"])
 
 
-def test_a_picture_of_too_many_paths_is_traced_in_passes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It agrees within the noise, which is a little more: each pass has fewer strata."""
-    from graycard.synth.renderer import _wavefront
+@pytest.mark.parametrize("most", [24 * 144 * 3, 24 * 144 * 7 + 5, 1])
+def test_a_picture_of_too_many_paths_is_traced_in_bands(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
+    """The first rows are as before; the others have other seeds, the same strata, and so the same noise."""
+    from graycard.synth.renderer import _mitsuba, _wavefront
 
     scene, settings = room(MATERIALS["papers"]), replace(SETTINGS, samples=576)
     whole = separated(scene, settings)
-    counts: list[int] = []
-    trace = _wavefront._pixel_sums
-
-    def noted(sums: list[Any], shape: tuple[int, int], samples: int) -> np.ndarray:
-        counts.append(samples)
-        return trace(sums, shape, samples)
-
-    monkeypatch.setattr(_wavefront, "_pixel_sums", noted)
-    monkeypatch.setattr(_wavefront, "MOST_PATHS", 24 * 20 * 40)
-    passed = separated(scene, settings)
-    assert len(counts) == 4 * 4
-    assert all(36 <= count <= 40 for count in counts), "144 samples of an independent image in four passes"
-    assert not np.array_equal(whole["radiance"], passed["radiance"])
-    assert 0.8 < passed["radiance.var"].mean() / whole["radiance.var"].mean() < 1.7
-    error = np.sqrt((whole["radiance.var"] + passed["radiance.var"]).mean() / whole["radiance"].size)
-    assert abs(whole["radiance"].mean() - passed["radiance"].mean()) < 4 * np.sqrt(3) * error
-    parts = [v for name, v in passed.items() if name.startswith(("direct", "indirect", "emitted"))]
-    total = np.sum(parts, axis=0)
-    assert np.allclose(total, passed["radiance"], rtol=1e-4, atol=1e-5)
+    monkeypatch.setattr(_wavefront, "MOST_PATHS", most)
+    rows = max(1, most // (24 * 144))
+    _, camera = loaded(scene)
+    found = _wavefront.bands(_mitsuba.sensor(camera, 144))
+    assert [band.pixels // 24 for band in found] == [min(rows, 20 - first) for first in range(0, 20, rows)]
+    assert [band.first for band in found] == [24 * first for first in range(0, 20, rows)]
+    banded = separated(scene, settings)
+    assert np.array_equal(banded["radiance"][:rows], whole["radiance"][:rows])
+    assert not np.array_equal(banded["radiance"][rows:], whole["radiance"][rows:])
+    typical = [np.median(found["radiance.var"]) for found in (banded, whole)]
+    assert typical[0] == pytest.approx(typical[1], rel=0.3)
+    error = np.sqrt(2 * whole["radiance.var"].mean() / whole["radiance"].size)
+    assert abs(whole["radiance"].mean() - banded["radiance"].mean()) < 4 * np.sqrt(3) * error
+    parts = [v for name, v in banded.items() if name.startswith(("direct", "indirect", "emitted"))]
+    assert np.allclose(np.sum(parts, axis=0), banded["radiance"], rtol=1e-4, atol=1e-5)
+    again = separated(scene, settings)
+    assert all(np.array_equal(banded[name], again[name]) for name in banded)
 
 
-def test_no_suite_of_256_pixels_or_less_is_rendered_in_passes() -> None:
-    """Their pictures are those that were published."""
-    usual = RenderSettings(256, 256, samples=576)
-    assert not usual.in_passes
-    assert replace(usual, width=257).in_passes
-    assert RenderSettings(128, 128, samples=4 * 33**2).in_passes
-    assert RenderSettings(128, 128, samples=16, training_samples=4 * 33**2).in_passes
+def test_bands_meet_in_the_right_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An albedo of a matte scene is known exactly at each pixel, whatever the seed."""
+    from graycard.synth.layers._albedo import directional_albedo
+    from graycard.synth.renderer import _wavefront
+
+    made, camera = loaded(room(MATERIALS["matte"]))
+    whole = directional_albedo(made, camera, 1)["albedo"]
+    monkeypatch.setattr(_wavefront, "MOST_PATHS", 24 * 256 * 3)
+    banded = directional_albedo(made, camera, 1)["albedo"]
+    assert len(np.unique(whole.reshape(-1, 3), axis=0)) > 1
+    assert np.allclose(whole, banded, atol=1e-6)
+
+
+def test_pictures_of_all_suites_of_at_most_256_pixels_are_in_one_band() -> None:
+    """They are those that were published."""
+    suites = [load_suite(name) for name in suite_names()]
+    settings = {suite.render_of(scene) for suite in suites for scene in suite.scenes}
+    small = [one for one in settings if max(one.width, one.height) <= 256]
+    assert len(small) > 5
+    assert not any(one.in_bands for one in small)
+    assert any(one.in_bands for one in settings)
 
 
 def test_a_lambertian_surface_shows_albedo_times_shading() -> None:

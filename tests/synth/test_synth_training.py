@@ -14,7 +14,7 @@ from fault_planting import failures, reseal
 from graycard import DatasetError, Truth, View, open_truth
 from graycard.colour import display_variance
 from graycard.io import read_json, read_layers, write_json, write_layers
-from graycard.synth import RenderSettings, SceneSpec, render_scene
+from graycard.synth import RenderSettings, SceneSpec, _spec, render_scene
 from graycard.synth.verify import verify_dataset
 from graycard.synth.verify._run import _chosen
 
@@ -211,6 +211,25 @@ def test_scenes_of_other_layers_are_not_taken_for_these(
     root = rendered("dark")["all"].root
     assert root is not None
     assert "needed_layers" not in read_json(root / "manifest.json")["settings"]
+
+
+def test_scenes_of_other_bands_are_not_taken_for_these(
+    rendered: Callable[[str], dict[str, Truth]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pictures that are traced at once name none."""
+    scene = copied(rendered("dark")["needed"], tmp_path)
+    path = scene / "truth" / "manifest.json"
+    manifest = read_json(path)
+    assert "bands" not in manifest["settings"]
+    monkeypatch.setattr(_spec, "MOST_PATHS", 1)
+    with pytest.raises(DatasetError, match="bands: expected 1, got None"):
+        render_scene(SPECS["dark"], NEEDED, tmp_path)
+    manifest["settings"]["bands"] = 1
+    write_json(path, manifest)
+    render_scene(SPECS["dark"], NEEDED, tmp_path)
+    monkeypatch.undo()
+    with pytest.raises(DatasetError, match="bands: expected none, got 1"):
+        render_scene(SPECS["dark"], NEEDED, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -91,13 +91,13 @@ def test_material_layers_are_what_the_renderer_shades_with(llvm: str, family: An
     import drjit as dr
 
     from graycard.synth.renderer._mitsuba import sensor
-    from graycard.synth.renderer._wavefront import centre_rays
+    from graycard.synth.renderer._wavefront import bands, centre_rays
 
     scene = family().build(0, TINY)
     made, camera = loaded(scene)
     layers = surfaces(scene)
     eye = sensor(camera, 1)
-    si = made.ray_intersect(centre_rays(eye, eye.sampler(), 1))
+    si = made.ray_intersect(centre_rays(bands(eye)[0], eye.sampler()))
     bsdf: Any = si.bsdf()
     for name in ("roughness", "metallic"):
         has = bsdf.has_attribute(name, si.is_valid()) & si.is_valid()
