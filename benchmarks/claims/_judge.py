@@ -124,6 +124,6 @@ def _check_suites(suite: str, names: Sequence[str]) -> None:
         wanted = ", ".join(f"a run of suite {own!r} for claims {name!r}" for name, own in others.items())
         raise RecordError(
             f"expected {wanted}, got a run of suite {suite!r}. Give a run of that suite, or claims for this "
-            "one (those that name no suite are for any), or judge all the same with --any-suite. Give runs "
-            "at several sizes with --sizes, beside a run of that suite"
+            "one (those that name no suite are for any), or judge all the same with --any-suite. If "
+            "this run is of another size, give one of that suite first, and this one behind --sizes"
         )
