@@ -42,7 +42,7 @@ class DarkGsSettings:
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
     backend: FitBackend = "cpu"
-    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``gpu``). Two fits
     differ by rounding there."""
 
     def __post_init__(self) -> None:

@@ -91,7 +91,7 @@ class GsidSettings:
     least_share: float = 2e-2
     """Least share of the light of all lamps in the views that a lamp must give to stay (inferred)."""
     backend: FitBackend = "cpu"
-    """Device of the first stage: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``cuda``);
+    """Device of the first stage: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``gpu``);
     there two fits differ by rounding. The second stage computes on the CPU."""
 
     def __post_init__(self) -> None:

@@ -36,7 +36,7 @@ class R3dgSettings:
     sky_weight: float = 0.01
     """Weight of the mean absolute difference between neighbours in the cubemap."""
     backend: FitBackend = "cpu"
-    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``gpu``). Two fits
     differ by rounding there."""
 
     def __post_init__(self) -> None:

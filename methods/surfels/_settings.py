@@ -37,7 +37,7 @@ class SurfelSettings:
     folder for many fits of one capture by one version of graycard: each goes on from what another has left
     there that depends on the same."""
     backend: FitBackend = "cpu"
-    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    """Device of the fit: ``cpu``, or ``cuda``, a GPU with gsplat's kernels (extra ``gpu``). Two fits
     differ by rounding there."""
 
     def __post_init__(self) -> None:

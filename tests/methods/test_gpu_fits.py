@@ -75,7 +75,7 @@ def truth_of(scene: Path) -> np.ndarray:
 @pytest.fixture
 def gpu(monkeypatch: pytest.MonkeyPatch) -> Iterator[torch.device]:
     """A device that stands in for a GPU."""
-    pytest.importorskip("gsplat", reason="gsplat comes with the extra 'cuda'")
+    pytest.importorskip("gsplat", reason="gsplat comes with the extra 'gpu'")
     monkeypatch.setattr(_cuda, "gsplat_kernels", lambda: Kernels(*map(by_inner, stand_ins())))
     with stand_in_gpu() as device:
         yield device

@@ -19,7 +19,7 @@ from graycard.methods.splat.cuda import _rasterize as _cuda
 from gsplat_stand_ins import stand_ins
 from random_surfels import random_surfels as any_surfels
 
-needs_gsplat = pytest.mark.skipif(find_spec("gsplat") is None, reason="gsplat comes with the extra 'cuda'")
+needs_gsplat = pytest.mark.skipif(find_spec("gsplat") is None, reason="gsplat comes with the extra 'gpu'")
 
 
 def camera_of(width: int = 21, height: int = 18, focal: float = 20) -> Camera:

@@ -13,7 +13,7 @@ from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, disc_to_image, see
 from random_surfels import random_surfels as any_surfels
 
-pytest.importorskip("gsplat", reason="gsplat comes with the extra 'cuda'")
+pytest.importorskip("gsplat", reason="gsplat comes with the extra 'gpu'")
 
 WIDER = 4
 """Times gsplat's boxes of 3.33 standard deviations, which cut off a part of discs that are near."""
