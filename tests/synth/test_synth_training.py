@@ -130,6 +130,20 @@ def test_such_scenes_are_verified(truths: dict[str, Truth]) -> None:
     assert {"radiance again: variance", "lights again: level"} <= made
 
 
+def test_scenes_that_are_traced_in_bands_are_verified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Noise is that of pictures at once, of which verify renders some again."""
+    from graycard.synth.renderer import _wavefront
+
+    for module in (_spec, _wavefront):
+        monkeypatch.setattr(module, "MOST_PATHS", 24 * 16 * 7)
+    root = render_scene(SPECS["tabletop"], NOISY, tmp_path)
+    assert read_json(root / "truth" / "manifest.json")["settings"]["bands"] == 1
+    verdict = verify_dataset(tmp_path, views=2)
+    assert [check for check in verdict.checks if check.status == "failed"] == []
+
+
 @pytest.mark.parametrize(
     ("split", "views", "chosen"), [([2, 5], 3, [0, 5, 7]), ([0, 3], 3, [0, 4, 7]), ([], 2, [0, 7])]
 )
