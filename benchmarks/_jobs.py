@@ -5,6 +5,7 @@ A job leaves its result on disk and gives back an :class:`Outcome`, never an exc
 method fails its own jobs and no others.
 """
 
+import contextlib
 import os
 import time
 import traceback
@@ -208,9 +209,10 @@ def run_fit(job: FitJob) -> Outcome:
             remove(job.folder / DONE)
             done = Done(job.job, job.job_hash, *_made(job))
             write_json(job.folder / DONE, done)
+            remove(job.folder / ERROR)
             return Outcome(value=done.fitted)
 
-    return guarded(work, job.folder / ERROR)
+    return guarded(work, job.folder / ERROR, lambda: find_fit(job))
 
 
 def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
@@ -247,9 +249,10 @@ def run_score(job: FitJob) -> Outcome:
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORING, CpuCost(time.process_time() - begun))
             write_json(job.folder / SCORES, Scored(key, sheet, (*lacking, *_damaged(sheet))))
+            remove(job.folder / ERROR)
             return Outcome(value=sheet)
 
-    return guarded(work, job.folder / ERROR)
+    return guarded(work, job.folder / ERROR, lambda: find_scores(job))
 
 
 def find_rendered(job: RenderJob) -> Outcome | None:
@@ -324,22 +327,37 @@ def threads_limited(count: int) -> AbstractContextManager[Any]:
     return threadpool_limits(count)
 
 
-def guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
+def guarded(
+    work: Callable[[], Outcome], log: Path | None, find: Callable[[], Outcome | None] = lambda: None
+) -> Outcome:
     """Return the outcome of some work, or of its failure.
 
     The traceback of what is not ours goes to ``log``.
+
+    Args:
+        work: The work.
+        log: A file; None for no log.
+        find: Returns what another process has made meanwhile: then it does not matter that this one failed.
     """
     try:
         return work()
     except OutputError as error:
         return Outcome(reason=str(error), fatal=True)  # a full disk is no fault of the method
-    except GraycardError as error:
+    except BaseException as error:  # Ctrl+C does not reach a worker: whoever raised it here is the job
+        with contextlib.suppress(Exception):  # what broke the work may break this
+            if found := find():
+                return found
+        return _failed(error, log)
+
+
+def _failed(error: BaseException, log: Path | None) -> Outcome:
+    """Return the outcome of a failure."""
+    if isinstance(error, GraycardError):
         words = printable(words_of(error)) or type(error).__name__
         return Outcome(reason=f"{words}{_logged(log, error)}")
-    except BaseException as error:  # Ctrl+C does not reach a worker: whoever raised it here is the job
-        if missing := missing_package(error):
-            return Outcome(reason=str(missing))
-        return Outcome(reason=f"{type(error).__name__}: {printable(words_of(error))}{_logged(log, error)}")
+    if missing := missing_package(error):
+        return Outcome(reason=str(missing))
+    return Outcome(reason=f"{type(error).__name__}: {printable(words_of(error))}{_logged(log, error)}")
 
 
 def _logged(log: Path | None, error: BaseException) -> str:

@@ -13,15 +13,17 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
 
-from graycard.benchmarks import _runner, check_result
+from graycard.benchmarks import _jobs, _runner, check_result
 from graycard.benchmarks._jobs import FitJob, find_scores, run_fit, run_score
 from graycard.benchmarks._submitted import Given
 from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
 from graycard.io import file_lock, read_json, sha256, write_json
+from graycard.processes import Outcome
 from graycard.records import Job, ScoreSheet, read_comparison, read_run
 from layer_references import write_random_weights
 
@@ -116,6 +118,34 @@ def test_a_fit_on_the_cpu_or_of_other_code_uses_no_gpu(tmp_path: Path):
     assert fit().may_use_gpu, "nobody knows what a method without back ends uses"
     assert not fit(backend="cpu").may_use_gpu
     assert not replace(fit(), given=Given(tmp_path, "")).may_use_gpu
+
+
+@pytest.mark.parametrize("step", [run_fit, run_score])
+def test_a_worker_that_fails_where_another_has_done_the_job_leaves_no_log(
+    write_tiny: Callable[..., Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    step: Callable[[FitJob], Outcome],
+):
+    """A worker that lost its scheduler may break while it waits for the one that was given its job."""
+    scene, folder = write_tiny(tmp_path / "dataset"), tmp_path / "jobs/dark/tiny/gray"
+    fit = FitJob(Job("dark", scene.name, "gray", 0, {}, "gray"), "hash", scene, folder, 1, tmp_path / "jobs")
+
+    def break_off(job: FitJob) -> NoReturn:
+        raise RuntimeError("nobody listens")
+
+    if step is run_score:
+        assert not run_fit(fit).reason
+    with monkeypatch.context() as patch:
+        patch.setattr(_jobs, "_lock", break_off)
+        assert "nobody listens" in step(fit).reason
+    assert (folder / "error.txt").is_file()
+    done = step(fit)
+    assert not (folder / "error.txt").exists(), "what failed before is done now"
+    monkeypatch.setattr(_jobs, "_lock", break_off)
+    again = step(fit)
+    assert (again.reused, again.value) == (True, done.value)
+    assert not (folder / "error.txt").exists()
 
 
 def test_scores_that_another_worker_has_just_made_are_kept(write_tiny: Callable[..., Path], tmp_path: Path):
