@@ -28,6 +28,7 @@ class Band:
     first: int
     """Number of the first pixel."""
     pixels: int
+    """Number of pixels, of whole rows."""
 
     @property
     def paths(self) -> int:
@@ -73,9 +74,9 @@ def bands(eye: mi.Sensor) -> list[Band]:
     width, height = _size(eye)
     samples = eye.sampler().sample_count()
     rows = max(1, min(height, MOST_PATHS // (width * samples)))
-    starts = range(0, height, rows)
     return [
-        Band(eye, samples, start * width, (min(start + rows, height) - start) * width) for start in starts
+        Band(eye, samples, start * width, min(rows, height - start) * width)
+        for start in range(0, height, rows)
     ]
 
 
@@ -90,8 +91,7 @@ def mean_image(eye: mi.Sensor, seed: int, trace: Callable[[Band, mi.Sampler], li
     width, height = _size(eye)
     made = bands(eye)
     sums = [_pixel_sums(trace(band, _seeded(band, seed, number)), band) for number, band in enumerate(made)]
-    image = np.concatenate(sums, axis=-1) if len(sums) > 1 else sums[0]
-    image = image.reshape(-1, 3, height, width).astype(np.float64)
+    image = np.concatenate(sums, axis=-1).reshape(-1, 3, height, width).astype(np.float64)
     return image.transpose(0, 2, 3, 1) / made[0].samples
 
 
