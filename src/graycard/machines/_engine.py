@@ -196,7 +196,7 @@ class _Course:
     out: "dict[int, Future]" = field(default_factory=dict)
     outcomes: dict[int, Outcome] = field(default_factory=dict)
     losses: Counter[int] = field(default_factory=Counter)
-    room: dict[bool, int] = field(default_factory=lambda: {True: 1, False: 1})
+    room: dict[bool, int] = field(default_factory=lambda: {True: 0, False: 0})
     """Threads of the workers that a job with a GPU can be given to, and one without."""
     counted: float = float("-inf")
     heard: float = field(default_factory=time.monotonic)
@@ -242,10 +242,10 @@ class _Course:
                 self._give(number)
 
     def _free(self, *, gpu: bool) -> int:
-        """Return the threads that wait for a job with a GPU, or for one without."""
+        """Return how many jobs with a GPU, or without, may be handed out; one of each kind may wait."""
         out = Counter(map(self._on_gpu, self.out))
         # those with a GPU take threads from the others; without a worker for them they wait, and take none
-        return self.room[gpu] - out[gpu] - (0 if gpu else min(out[True], self.room[True]))
+        return max(1, self.room[gpu]) - out[gpu] - (0 if gpu else min(out[True], self.room[True]))
 
     def _give(self, number: int) -> None:
         """Give Dask a job."""
@@ -269,7 +269,7 @@ class _Course:
             return
         self.counted = time.monotonic()
         with contextlib.suppress(OSError, TimeoutError):  # a scheduler that was just lost
-            self.room = {gpu: max(1, threads) for gpu, threads in self.machines.room().items()}
+            self.room = self.machines.room()
             if self.counted > self.heard + _QUIET_S:
                 self.heard = self.counted
                 if words := _awaited(self.machines, map(self._on_gpu, self.out)):
