@@ -13,7 +13,7 @@ from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._sources import hardware
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
-from graycard.io import await_file, remove_leftovers, sha256, writable_folder
+from graycard.io import await_file, remove_leftovers, sha256, to_builtins, writable_folder
 from graycard.machines import Machines
 from graycard.methods.priors import told_exactly
 from graycard.records import (
@@ -31,6 +31,9 @@ from graycard.records import (
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe, scene_name
 
 _AS_SUITE = Size()
+
+EARLIER = "earlier"
+"""Key of a record's environment: where results were made that an earlier bench of the folder has left."""
 
 
 class RunError(GraycardError):
@@ -210,8 +213,8 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     Args:
         record: Of a part of a suite.
         before: What the folder had.
-        suite: The whole: scenes, methods and results come in its order, whatever was run when. Scenes that
-            it does not list, as sealed ones, come behind.
+        suite: The whole: scenes, methods and results come in its order, whatever was run when. Sealed scenes
+            come behind its own, and then those that it does not list.
     """
     truths = {(s.track, s.scene): s.truth_sha256 for s in record.scenes}
     kept = [s for s in before.scenes if truths.get((s.track, s.scene), s.truth_sha256) == s.truth_sha256]
@@ -225,7 +228,8 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         for r in before.results
         if _key(r.job) not in keys and (r.job.track, r.job.scene) in same and r.job.method not in others
     ]
-    order = {(spec.track, scene_name(spec)): place for place, spec in enumerate(suite.scenes)}
+    listed = (*suite.scenes, *(suite.sealed.drawn() if suite.sealed else ()))
+    order = {(spec.track, scene_name(spec)): place for place, spec in enumerate(listed)}
     both = record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths)
     scenes = tuple(sorted(both, key=lambda s: order.get((s.track, s.scene), len(order))))
     methods = record.methods + tuple(m for m in before.methods if m.name not in names)
@@ -241,9 +245,19 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         wall_s=round(record.wall_s + (before.wall_s if record.started != before.started else 0.0), 2),
         scenes=scenes,
         methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
+        environment=_with_places_before(record, before) if old else record.environment,
         commitment=record.commitment or before.commitment,
         results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
+
+
+def _with_places_before(record: RunRecord, before: RunRecord) -> dict[str, Any]:
+    """Return the environment of a record, and under ``earlier`` those of older ones that differ."""
+    own = to_builtins(dict(record.environment))
+    last = to_builtins(dict(before.environment))
+    found = [*own.pop(EARLIER, []), *last.pop(EARLIER, []), last]
+    others = [one for number, one in enumerate(found) if one != own and one not in found[:number]]
+    return {**own, EARLIER: others} if others else own
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:

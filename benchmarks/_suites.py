@@ -210,31 +210,49 @@ def check_track(name: str) -> str:
     return name
 
 
-def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()) -> Suite:
-    """Return the part of a suite on some tracks, with some methods; a method need not be in the suite.
+def narrow(
+    suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = (), scenes: Sequence[str] = ()
+) -> Suite:
+    """Return the part of a suite on some tracks and scenes, with some methods; a method need not be in the
+    suite.
 
     Args:
         suite: The whole.
         tracks: Their names; all if empty.
         methods: Of rows, or else of methods, which stand for all of their rows; all if empty.
+        scenes: Their names, as ``corridor-0003`` or ``dark/corridor-0003``; all if empty.
 
     Raises:
-        UnknownNameError: A track does not exist.
+        UnknownNameError: A track or a scene does not exist.
         RecordError: The suite has no scene on these tracks, or a named row runs on none of them.
     """
     wanted = [check_track(track) for track in tracks] or list(TRACKS)
-    scenes = tuple(scene for scene in suite.scenes if scene.track in wanted)
-    if not scenes:
+    kept = tuple(scene for scene in suite.scenes if scene.track in wanted)
+    if not kept:
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
+    kept = _on_scenes(kept, scenes) if scenes else kept
     chosen = {m.row: m for name in methods for m in _named(suite, name)}
-    there = {scene.track for scene in scenes}
+    there = {scene.track for scene in kept}
     if idle := [m for m in chosen.values() if not any(map(m.runs_on, there))]:
         raise RecordError(
             f"expected rows that run on {', '.join(sorted(there))}, got {idle[0].row}, which runs on "
-            f"{', '.join(idle[0].tracks)}. Mend --methods or --tracks"
+            f"{', '.join(idle[0].tracks)}. Mend --methods, --tracks or --scenes"
         )
     rows = chosen.values() or [m for m in suite.methods if any(map(m.runs_on, there))]
-    return replace(suite, scenes=scenes, methods=tuple(rows))
+    return replace(suite, scenes=kept, methods=tuple(rows))
+
+
+def _on_scenes(scenes: Sequence[SceneSpec], names: Sequence[str]) -> tuple[SceneSpec, ...]:
+    """Return the scenes of these names, in the order of the suite.
+
+    Raises:
+        UnknownNameError: None of them has such a name.
+    """
+    places = [(scene, scene_name(scene)) for scene in scenes]
+    for name in names:
+        if not any(name in (own, f"{scene.track}/{own}") for scene, own in places):
+            raise UnknownNameError("scene", name, [f"{scene.track}/{own}" for scene, own in places])
+    return tuple(scene for scene, own in places if own in names or f"{scene.track}/{own}" in names)
 
 
 def opened(suite: Suite) -> Suite:

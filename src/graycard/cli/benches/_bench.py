@@ -57,6 +57,8 @@ class BenchCommand:
     """A suite, or a path to one of your own that ends in .toml."""
     tracks: Annotated[tuple[str, ...], optional("TRACK ...")] = ()
     """Run these tracks only."""
+    scenes: Annotated[tuple[str, ...], optional("SCENE ...")] = ()
+    """Run these scenes only, as corridor-0003. Results of others that the run folder has stay."""
     methods: Annotated[tuple[str, ...], optional("METHOD ...")] = ()
     """Run these rows, or all rows of these methods; others than the suite's by name or module:attribute."""
     predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
@@ -149,7 +151,8 @@ class BenchCommand:
         """
         self._check_pairs()
         others = {
-            "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
+            "--tracks": self.tracks, "--scenes": self.scenes, "--methods": self.methods,
+            "--predictions": self.predictions,
             "--sealed": self.sealed, "--budget": self.budget != 1, "--pixels": self.pixels is not None,
             "--views": self.views is not None, "--surfels": self.surfels != 1,
             "--no-compositions": not self.compositions,
@@ -206,7 +209,7 @@ class BenchCommand:
         scenes = opened(whole) if self.sealed else whole if salt is None else with_secret(whole, salt)
         rows = with_rows(scenes, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
-        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
+        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else (), self.scenes)
         suite = suite if self.compositions else without_compositions(suite)
         run = self.out or Path("runs") / f"{suite.name}{self._kind()}"
         is_part = self.sealed or suite != scenes
