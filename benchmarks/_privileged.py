@@ -9,6 +9,7 @@ import numpy as np
 
 from graycard import Capture, DatasetError, EnvironmentLight, Truth, open_truth
 from graycard.benchmarks._changes import true_composition, true_relighting
+from graycard.io import Room
 from graycard.layers import lights_of, with_derived
 from graycard.methods import COMPOSITION, LIGHTS, RELIGHTING, Ask, Priors
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
@@ -78,7 +79,8 @@ def _true_layers(
     Raises:
         DatasetError: The scene has not all that are required.
     """
-    layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
+    room = Room()
+    layers = {view.name: room.keep(_pick(truth, view.name, wanted)) for view in capture.views}
     absent = required.difference(*layers.values())
     if absent:
         raise DatasetError(

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture
+from graycard.io import Room
 from graycard.methods._priors import Lamp
 from graycard.methods.darkgs._lamp import MeasuredLamp, warming
 from graycard.methods.darkgs._model import shade
@@ -36,13 +37,11 @@ class ExposedPhotograph:
 
 def photographs(capture: Capture) -> list[ExposedPhotograph]:
     """Return the training views, linear and exposed."""
-    return [
-        ExposedPhotograph(
-            view.camera,
-            torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)),
-        )
-        for view in capture.train
-    ]
+    found, room = [], Room()
+    for view in capture.train:
+        exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
+        found.append(room.keep(ExposedPhotograph(view.camera, torch.from_numpy(exposed))))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from graycard import Camera, Capture, Progress
+from graycard.io import Room
 from graycard.methods.goris._fit import own_stage
 from graycard.methods.goris._model import drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
@@ -52,7 +53,8 @@ def distilled(
     """
     cameras = [view.camera for view in capture.train]
     extent = scene_extent(cameras)
-    views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
+    room, between = Room(), cameras_between(cameras, BETWEEN)
+    views = [room.keep(_pictured(parameters, camera, settings, extent)) for camera in between]
     checkpoint = own_stage(saved, "distilled", (view.encoded for view in views), settings)
     rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
     config = TrainConfig(settings.iterations, rates, extent, rules, checkpoint, backend=settings.backend)

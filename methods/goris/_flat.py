@@ -18,6 +18,7 @@ from skimage.measure import label
 from skimage.morphology import convex_hull_image
 
 from graycard import Camera
+from graycard.io import Room
 from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.removal import points_in_picture
@@ -74,12 +75,17 @@ class FlatSurface:
         """Return the views with this surface as the only glossy one, and its normal there in place of a
         prior's.
         """
-        return [self._alone(shot, float_tensor(mask)) for shot, mask in zip(shots, self.mirrors, strict=True)]
+        found, room = [], Room()
+        for shot, mask in zip(shots, self.mirrors, strict=True):
+            glossy, normal = room.keep(self._alone(shot, float_tensor(mask)))
+            found.append(replace(shot, glossy=glossy, normal=normal))
+        return found
 
-    def _alone(self, shot: TrainingView, mirror: torch.Tensor) -> TrainingView:
+    def _alone(self, shot: TrainingView, mirror: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return what is glossy, and normals."""
         assert shot.normal is not None, "normals told of the surface"
         normal = torch.where(mirror[..., None] > 0, float_tensor(self.normal), shot.normal)
-        return replace(shot, glossy=shot.glossy * mirror, normal=normal)
+        return shot.glossy * mirror, normal
 
 
 def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurface | None:
@@ -93,11 +99,11 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
         None where no prior tells normals or glossy surfaces, they are not flat, no height is accepted, or
         there are no points.
     """
-    glossy, normals, known = [], [], []
+    glossy, normals, known, room = [], [], [], Room()
     for shot in shots:
         if not shot.told or shot.normal is None:
             return None
-        normals.append(shot.normal.numpy().astype(np.float64))
+        normals.append(room.keep(shot.normal.numpy().astype(np.float64)))
         glossy.append(shot.glossy.numpy() > 0.5)
         known.append((normals[-1] ** 2).sum(axis=-1) > 0.5)
     told = np.concatenate([n[g & k] for n, g, k in zip(normals, glossy, known, strict=True)])
@@ -116,11 +122,11 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
         return None
     plane = np.append(common, -height)
     depths = [
-        np.where(of & one.inside, plane_depth(one.camera, plane), np.nan)
+        room.keep(np.where(of & one.inside, plane_depth(one.camera, plane), np.nan))
         for of, one in zip(flat, outlines, strict=True)
     ]
     seen = [np.isfinite(depth) for depth in depths]
-    places = [one.camera.unproject(depth) for one, depth in zip(outlines, depths, strict=True)]
+    places = [room.keep(one.camera.unproject(depth)) for one, depth in zip(outlines, depths, strict=True)]
     places, leaning = (
         np.concatenate([layer[where] for layer, where in zip(layers, seen, strict=True)])
         for layers in (places, normals)

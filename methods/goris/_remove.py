@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture, Progress
+from graycard.io import Room
 from graycard.methods._contract import Priors
 from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._appearance import appearance_loss, box_around
@@ -157,7 +158,8 @@ def without_object(
     rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY, *([DIFFUSE] if light.metal else [])):
         rates.pop(name)
-    aims = [_removal_target(target) for target in targets]
+    room = Room()
+    aims = [room.keep(_removal_target(target)) for target in targets]
     objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
     rules = removal_density_rules(settings) if settings.removal_density else None

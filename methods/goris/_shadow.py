@@ -15,6 +15,7 @@ import torch
 from scipy.optimize import nnls
 from scipy.spatial import KDTree
 
+from graycard.io import Room
 from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._model import (
     BRIGHTEST,
@@ -282,10 +283,16 @@ def without_shadow(
         extent: Of the scene, metres.
     """
     hiders = Hiders(target, surfels_of(left.surfels), settings.near * extent)
-    drawn = [drawn_buffers(left.all, shot.photograph.camera, shot.photograph.sky, settings) for shot in shots]
+    room = Room()
+    drawn = [
+        room.keep(drawn_buffers(left.all, shot.photograph.camera, shot.photograph.sky, settings))
+        for shot in shots
+    ]
     maps = shares_left(drawn, shots, left.shared[SURROUNDINGS].exp(), hiders, settings)
     added = [
-        (scattered(one, settings) * (1 / share.clamp(min=LEAST_LEFT) - 1)).numpy().astype(np.float64)
+        room.keep(
+            (scattered(one, settings) * (1 / share.clamp(min=LEAST_LEFT) - 1)).numpy().astype(np.float64)
+        )
         for one, share in zip(drawn, maps, strict=True)
     ]
     filled = torch.zeros(len(left), 4)

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The training views as a fit takes them, and the priors' answers for them."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from graycard import Camera, Capture, MethodError
+from graycard.io import Room
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.splat import Window, windows_of
@@ -63,11 +64,12 @@ def training_views(
     Raises:
         MethodError: An answer of the prior is not sound.
     """
-    seen = photographs(capture, settings)
-    return [
-        _shot(capture, priors, number, photograph, masks[number], settings)
-        for number, photograph in enumerate(seen)
-    ]
+    found, room = [], Room()
+    for number, photograph in enumerate(photographs(capture, settings)):
+        shot = _shot(capture, priors, number, photograph, masks[number], settings)
+        glossy, target, normal = room.keep((shot.glossy, shot.target, shot.normal))
+        found.append(replace(shot, glossy=glossy, target=target, normal=normal))
+    return found
 
 
 def tiles_of(shots: Sequence[TrainingView], side: int) -> list[TrainingView]:
@@ -75,20 +77,18 @@ def tiles_of(shots: Sequence[TrainingView], side: int) -> list[TrainingView]:
     return [shot.at(window) for shot in shots for window in shot.windows(side)]
 
 
-def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]]:
+def looked_at(shots: Sequence[TrainingView]) -> Iterator[tuple[Camera, torch.Tensor]]:
     """All that a first stage depends on in its views: a checkpoint of others is refused."""
-    return [
-        (shot.photograph.camera, picture)
-        for shot in shots
+    for shot in shots:
         for picture in (
             shot.photograph.encoded,
             shot.glossy,
             shot.target,
             torch.tensor([shot.told, shot.normal is not None]),  # "all is glossy" is more than not to ask
             shot.normal,
-        )
-        if picture is not None
-    ]
+        ):
+            if picture is not None:
+                yield shot.photograph.camera, picture
 
 
 def _shot(

@@ -69,7 +69,7 @@ def fit_lights(
     eyes = torch.tensor(np.array([view.camera.position for view in capture.train])).float()
     normals = outward(surfels, eyes)
     opened = sky_visibility(surfels, normals, extent) if settings.occlusion else torch.ones(len(surfels))
-    grounds = [ground_of(surfels, view.camera, opened) for view in capture.train]
+    grounds = (ground_of(surfels, view.camera, opened) for view in capture.train)
     between = bounces_between(surfels, normals, extent) if settings.bounces else None
     stage = LightStage(surfels, deferred_views(capture, grounds, guesses), settings, extent, seed, between)
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}

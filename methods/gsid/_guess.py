@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from graycard import Capture
+from graycard.io import Room
 from graycard.methods._contract import Ask, Priors
 
 KINDS = ("normal", "base_color", "roughness", "metallic")
@@ -34,7 +35,7 @@ def guesses_of(capture: Capture, priors: Priors) -> list[MaterialGuess]:
     Raises:
         MethodError: An answer is not sound.
     """
-    found = []
+    found, room = [], Room()
     for view in capture.train:
         image = capture.photograph(view) * np.float32(capture.exposure)
         answers = {
@@ -42,5 +43,5 @@ def guesses_of(capture: Capture, priors: Priors) -> list[MaterialGuess]:
             for kind in KINDS
             if kind in priors.kinds
         }
-        found.append(MaterialGuess(**answers))
+        found.append(room.keep(MaterialGuess(**answers)))
     return found

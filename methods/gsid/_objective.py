@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loss of the second stage: how far shaded layers are from the photographs and from the prior."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
 
 from graycard import Camera, Capture
+from graycard.io import Room
 from graycard.methods.gsid._draw import draw, draw_whole
 from graycard.methods.gsid._geometry import agreement
 from graycard.methods.gsid._guess import MaterialGuess
@@ -76,13 +77,14 @@ def _halved(image: torch.Tensor) -> torch.Tensor:
 
 
 def deferred_views(
-    capture: Capture, grounds: Sequence[Ground], guesses: Sequence[MaterialGuess]
+    capture: Capture, grounds: Iterable[Ground], guesses: Sequence[MaterialGuess]
 ) -> list[DeferredView]:
     """Return the training views, exposed."""
-    found = []
+    found, room = [], Room()
     for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
         linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
-        found.append(DeferredView(linear, srgb_encode_tensor(linear), ground, guess))
+        kept = room.keep((linear, srgb_encode_tensor(linear), ground))
+        found.append(DeferredView(*kept, guess))
     return found
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
+from graycard.io import Room
 from graycard.methods.gsid._bounces import Bounces, bounced_light
 from graycard.methods.gsid._draw import reach_in_view
 from graycard.methods.gsid._lights import POSITIONS, lamps_from, sky_from
@@ -51,13 +52,15 @@ def renewed(stage: LightStage, parameters: Parameters) -> LightStage:
     if stage.settings.geometry_rate == 0:
         return stage
     surfels, opened = surfels_of(parameters.surfels), parameters.surfels[OPEN]
-    shots = [replace(s, ground=ground_of(surfels, s.ground.camera, opened)) for s in stage.shots]
+    room = Room()
+    shots = [replace(s, ground=room.keep(ground_of(surfels, s.ground.camera, opened))) for s in stage.shots]
     return replace(stage, surfels=surfels, shots=shots, traced={})
 
 
 def at_half_size(stage: LightStage, parameters: Parameters) -> LightStage:
     """Return the stage with undivided views of half the width and height: cheap trials on all views."""
-    shots = [shot.at_half_size(stage.surfels, parameters.surfels[OPEN]) for shot in stage.shots]
+    room = Room()
+    shots = [room.keep(shot.at_half_size(stage.surfels, parameters.surfels[OPEN])) for shot in stage.shots]
     largest = max(max(shot.shown.shape) for shot in shots)
     return replace(
         stage, shots=shots, settings=replace(stage.settings, tile=max(largest, stage.settings.tile))
@@ -103,5 +106,6 @@ def reach_in(stage: LightStage, parameters: Parameters) -> list[Reach]:
             SOFTEN * stage.extent,
             reached=stage.reached(parameters.shared[POSITIONS]),
         ).sum(dim=1, keepdim=True)
-    arrived, settings = Reach(reached, bounced), stage.settings
-    return [reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots]
+    arrived, settings, room = Reach(reached, bounced), stage.settings, Room()
+    found = (reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots)
+    return [one if one is arrived else room.keep(one) for one in found]

@@ -17,6 +17,7 @@ from graycard.methods.gsid._model import (
     matte_of,
     pixels_of,
 )
+from graycard.methods.gsid._objective import DeferredView
 from graycard.methods.gsid._stage import LightStage, objective_in
 from graycard.methods.gsid._visibility import first_vectors
 from graycard.methods.shading import Material, arriving
@@ -88,28 +89,37 @@ def search_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Search:
 @torch.no_grad()
 def samples_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Samples:
     """Return some pixels of all training views, with the materials that surfels have."""
-    parts: list[tuple[torch.Tensor, ...]] = []
-    for shot in stage.shots:
-        ground, pixels = shot.ground, pixels_of(surface, shot.ground)
-        material = pixels.material
-        well = enough_cover(ground.drawn.alpha)
-        layers = (
-            ground.points, ground.normal, ground.eye, ground.open, pixels.shadow, shot.linear,
-            material.base_color, material.roughness, material.metallic,
-        )  # fmt: skip
-        parts.append(tuple(layer[well] for layer in layers))
-    points, normal, eye, opened, shadow, shown, *material = (
-        torch.cat(layer) for layer in zip(*parts, strict=True)
-    )
-    if not len(points):
+    covered = [int(enough_cover(shot.ground.drawn.alpha).sum()) for shot in stage.shots]
+    if not any(covered):
         raise MethodError(
             f"expected surfels that cover some pixels, got {len(stage.surfels)} that cover none by half. "
             "Give the fit more iterations or surfels"
         )
+    count = min(SAMPLES, sum(covered))
+    chosen = np.random.default_rng(stage.seed).choice(sum(covered), count, replace=False)
+    order = np.argsort(chosen)
+    ends = np.cumsum(covered)
+    parts: list[tuple[torch.Tensor, ...]] = []
+    for shot, end, size in zip(stage.shots, ends, covered, strict=True):
+        own = chosen[order[slice(*np.searchsorted(chosen[order], (end - size, end)))]] - (end - size)
+        parts.append(_layers_at(shot, surface, torch.from_numpy(own)))
+    place = torch.from_numpy(np.argsort(order))  # back in the order in which they were chosen
+    points, normal, eye, opened, shadow, shown, *material = (
+        torch.cat(layer)[place] for layer in zip(*parts, strict=True)
+    )
     eyes = torch.tensor(np.array([shot.ground.camera.position for shot in stage.shots])).float()
-    count = min(SAMPLES, len(points))
-    chosen = torch.from_numpy(np.random.default_rng(stage.seed).choice(len(points), count, replace=False))
-    return Samples(
-        points[chosen], normal[chosen], eye[chosen], Material(*material)[chosen], opened[chosen],
-        shadow[chosen], shown[chosen], eyes,
+    return Samples(points, normal, eye, Material(*material), opened, shadow, shown, eyes)
+
+
+def _layers_at(
+    shot: DeferredView, surface: Mapping[str, torch.Tensor], numbers: torch.Tensor
+) -> tuple[torch.Tensor, ...]:
+    """Return what is known of some of the well covered pixels of a view, by their numbers among these."""
+    ground, pixels = shot.ground, pixels_of(surface, shot.ground)
+    material = pixels.material
+    well = enough_cover(ground.drawn.alpha).flatten().nonzero()[:, 0][numbers]
+    layers = (
+        ground.points, ground.normal, ground.eye, ground.open, pixels.shadow, shot.linear,
+        material.base_color, material.roughness, material.metallic,
     )  # fmt: skip
+    return tuple(layer.flatten(0, 1)[well] for layer in layers)

@@ -5,7 +5,7 @@ import numpy as np
 import torch
 
 from graycard.methods.r3dg._light import BASE_COLOR, DEGREE, OWN, ROUGHNESS, SKY, Directions, directions_of
-from graycard.methods.r3dg._objective import ForwardView, R3dgObjective, forward_view
+from graycard.methods.r3dg._objective import ForwardView, R3dgObjective, forward_views
 from graycard.methods.r3dg._scene import METHOD, R3dgScene
 from graycard.methods.r3dg._settings import R3dgSettings
 from graycard.methods.splat import (
@@ -61,7 +61,7 @@ class R3dgMethod(SceneMethod[R3dgSettings, R3dgScene]):
         eyes = torch.tensor(np.array([view.camera.position for view in task.capture.train])).float()
         directions = directions_of(surfels_of(geometry.surfels), eyes, extent)
         views = photographs(task.capture, surface)
-        shots = [forward_view(view.camera, view.encoded, geometry.surfels) for view in views]
+        shots = forward_views(views, geometry.surfels)
         found = _fit_light(task, geometry, shots, directions)
         return R3dgScene(found, directions, settings, task.capture.exposure, extent)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from graycard import Camera
+from graycard.io import Room
 from graycard.methods.r3dg._light import (
     BASE_COLOR,
     ROUGHNESS,
@@ -28,7 +29,7 @@ from graycard.methods.splat import (
     surfels_of,
     view_at,
 )
-from graycard.methods.surfels import srgb_encode_tensor
+from graycard.methods.surfels import EncodedPhotograph, srgb_encode_tensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +47,16 @@ class ForwardView:
     """Numbers of the surfels that may be seen."""
 
 
-def forward_view(camera: Camera, shown: torch.Tensor, values: Mapping[str, torch.Tensor]) -> ForwardView:
-    """Return a view of surfels that stand still."""
-    eye, rays = torch.tensor(camera.position).float(), torch.tensor(camera.rays()).float()
-    return ForwardView(camera, shown, eye, rays, in_view(values, camera))
+def forward_views(
+    photographs: Sequence[EncodedPhotograph], values: Mapping[str, torch.Tensor]
+) -> list[ForwardView]:
+    """Return views of surfels that stand still."""
+    found, room = [], Room()
+    for view in photographs:
+        eye, rays = torch.tensor(view.camera.position).float(), torch.tensor(view.camera.rays()).float()
+        rows = in_view(values, view.camera)
+        found.append(ForwardView(view.camera, view.encoded, eye, room.keep(rays), rows))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

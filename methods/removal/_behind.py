@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture, View
+from graycard.io import Room
 from graycard.methods.removal._target import widened
 from graycard.methods.surfels import all_colours, coloured_layers
 
@@ -65,7 +66,8 @@ def views_behind(
     doubts = hidden
     if effects is not None:
         doubts = [one | widened(effect, grow) for one, effect in zip(hidden, effects, strict=True)]
-    drawn = [draw(view.camera) for view in capture.train]
+    room = Room()
+    drawn = [room.keep(draw(view.camera)) for view in capture.train]
     cameras = [view.camera for view in capture.train]
     found = []
     for number, view in enumerate(capture.train):
@@ -74,7 +76,7 @@ def views_behind(
         hole = hidden[number] & ~seen_elsewhere(cameras[number], shown.depth, hidden[number], others)
         photograph = np.asarray(capture.photograph(view), np.float64) * capture.exposure
         photograph = photograph if added is None else photograph + added[number]
-        picture = np.where(doubts[number][..., None], shown.picture, photograph)
+        picture = room.keep(np.where(doubts[number][..., None], shown.picture, photograph))
         found.append(Behind(view, doubts[number], hole, picture, shown.depth, shown.layers))
     return found
 

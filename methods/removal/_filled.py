@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation, label
 from skimage.restoration import inpaint_biharmonic
 
 from graycard import Camera
+from graycard.io import Room
 from graycard.methods._contract import Priors
 from graycard.methods.removal._behind import Behind, points_in_picture
 from graycard.methods.splat import depth_to_normals
@@ -78,7 +79,8 @@ def targets_of(
     wall = _joined([_wall(target) for target in filled.values()])
     if not references:
         return own_targets(behind, filled), wall
-    return [filled[k] if k in filled else _told(one, wall) for k, one in enumerate(behind)], wall
+    room = Room()
+    return [filled[k] if k in filled else _told(one, wall, room) for k, one in enumerate(behind)], wall
 
 
 def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dict[int, Target]:
@@ -94,16 +96,17 @@ def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dic
     """
     order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
     with_hole = [k for k in order if behind[k].hole.any()]
-    return {k: _filled(behind[k], priors) for k in (with_hole[:most] if most else with_hole)}
+    room = Room()
+    return {k: _filled(behind[k], priors, room) for k in (with_hole[:most] if most else with_hole)}
 
 
-def _filled(behind: Behind, priors: Priors) -> Target:
+def _filled(behind: Behind, priors: Priors, room: Room) -> Target:
     picture = np.maximum(priors.inpainting(behind.picture, behind.view, behind.hole), 0)
     layers = {
         name: priors.inpainting(layer, behind.view, behind.hole, name)
         for name, layer in behind.layers.items()
     }
-    return Target(behind, picture, behind.hole, layers)
+    return Target(behind, room.keep(picture), behind.hole, room.keep(layers))
 
 
 def own_targets(behind: Sequence[Behind], filled: Mapping[int, Target]) -> list[Target]:
@@ -151,7 +154,7 @@ def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
     return np.where(told, 1 / np.where(told, filled, 1.0), np.where(hole, np.inf, depth))
 
 
-def _told(behind: Behind, wall: BackgroundPoints) -> Target:
+def _told(behind: Behind, wall: BackgroundPoints, room: Room) -> Target:
     """Return a view as the wall tells it: its nearest points, each in the pixel that it falls into."""
     camera = behind.view.camera
     rows, columns, nearest = seen_points(camera, wall.points)
@@ -165,8 +168,9 @@ def _told(behind: Behind, wall: BackgroundPoints) -> Target:
         image[rows, columns] = points[nearest]
         return image
 
-    layers = {name: told(behind.layers[name], points) for name, points in wall.layers.items()}
-    return Target(behind, told(behind.picture, wall.colours), known, {**behind.layers, **layers})
+    layers = room.keep({name: told(behind.layers[name], points) for name, points in wall.layers.items()})
+    picture = room.keep(told(behind.picture, wall.colours))
+    return Target(behind, picture, known, {**behind.layers, **layers})
 
 
 def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

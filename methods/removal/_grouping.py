@@ -65,7 +65,8 @@ class GroupingMethod(SceneMethod[GroupingSettings, RemovalScene]):
         left, gone = before.take(~theirs), before.surfels[CENTRES][theirs]
         behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
         targets = own_targets(behind, filled_views(behind, task.priors))
-        views = [shown(target, pixel_weights(target, settings.inside_share), settings) for target in targets]
+        weights = (pixel_weights(target, settings.inside_share) for target in targets)
+        views = shown(targets, weights, settings)
         start = with_means(left, gone, settings.neighbours)
         after = second_stage(task, start, views, density_rules(settings.surfels))
         return decomposition(self.name, capture, before, after)

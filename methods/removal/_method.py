@@ -70,7 +70,8 @@ class RemovalMethod(SceneMethod[RemovalSettings, RemovalScene]):
             behind = hull_holes(behind, masks, settings.grow, places)
         targets, wall = targets_of(behind, task.priors, settings.references, choice_of(settings))
         start = with_wall(left, int(theirs.sum()), wall, settings, task.seed)
-        views = [shown(target, pixel_weights(target, settings.hole_weight), settings) for target in targets]
+        weights = (pixel_weights(target, settings.hole_weight) for target in targets)
+        views = shown(targets, weights, settings)
         return decomposition(self.name, capture, before, second_stage(task, start, views))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages that all radiance-only removals share: surfels of the whole scene, then without the object."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from graycard import Capture
+from graycard.io import Room
 from graycard.methods._contract import Ask
 from graycard.methods.removal._filled import Target
 from graycard.methods.removal._scene import RemovalScene
@@ -137,18 +138,24 @@ class LaterSteps:
         return self.objective(values, self.done + step)
 
 
-def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> EncodedPhotograph:
-    """Return the target of a view as a fit takes it, in place of the photograph that shows the object.
+def shown(
+    targets: Sequence[Target], weights: Iterable[np.ndarray], settings: SurfelSettings
+) -> list[EncodedPhotograph]:
+    """Return the targets of views as a fit takes them, in place of photographs that show the object.
 
     Args:
-        target: Of the view.
-        weight: Shape ``(H, W)``: of the pixels in the loss.
+        targets: Of the views.
+        weights: Shape ``(H, W)`` each: of the pixels in the loss.
         settings: Of the sky.
     """
-    camera = target.behind.view.camera
-    picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
-    sky = sky_basis(camera, settings.sky_degree)
-    return EncodedPhotograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
+    found, room = [], Room()
+    for target, weight in zip(targets, weights, strict=True):
+        camera = target.behind.view.camera
+        picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
+        sky = sky_basis(camera, settings.sky_degree)
+        weigh = torch.from_numpy(weight.astype(np.float32))
+        found.append(room.keep(EncodedPhotograph(camera, picture, sky, weigh)))
+    return found
 
 
 def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:

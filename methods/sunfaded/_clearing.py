@@ -13,6 +13,7 @@ import torch
 from scipy.ndimage import minimum_filter
 
 from graycard import Camera, Capture
+from graycard.io import Room
 from graycard.methods.splat import CENTRES
 from graycard.methods.sunfaded._guess import GeometryGuess
 from graycard.methods.surfels import SweptDepth, observations
@@ -71,7 +72,7 @@ def clearing_of(
     points = capture.points()
     numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
     cameras = [capture.views[n].camera for n in numbers]
-    free = []
+    free, room = [], Room()
     found = [None] * len(numbers) if swept is None else swept
     for n, camera, guess, stereo in zip(numbers, cameras, guesses, found, strict=True):
         pixels, depths = observations(points, n, camera)
@@ -82,7 +83,8 @@ def clearing_of(
         if stereo is not None:
             known = np.where(stereo.sure, stereo.depth, known)
         least = minimum_filter(known, WINDOW)
-        free.append(torch.from_numpy(np.where(np.isfinite(least), share * least, 0.0).astype(np.float32)))
+        depth = np.where(np.isfinite(least), share * least, 0.0).astype(np.float32)
+        free.append(room.keep(torch.from_numpy(depth)))
     return Clearing(cameras, free)
 
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Guesses of a prior about the geometry of training views: of the photographs, and anew of the albedo."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from graycard import Capture
+from graycard.io import Room
 from graycard.methods._contract import Ask, Priors
 from graycard.methods._priors import PHOTOGRAPH
 from graycard.methods._tensors import float_tensor
@@ -28,7 +29,7 @@ class GeometryGuess:
     """Shape ``(H, W, 3)``, float32: world, of unit length, zero where there is nothing."""
 
 
-def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> list[GeometryGuess]:
+def guesses(capture: Capture, priors: Priors, images: Iterable[np.ndarray]) -> list[GeometryGuess]:
     """Ask the prior about an image of each training view.
 
     Args:
@@ -39,23 +40,26 @@ def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> l
     Raises:
         MethodError: An answer is not sound.
     """
-    found = []
+    found, room = [], Room()
     for view, image in zip(capture.train, images, strict=True):
         depth = float_tensor(priors.depth(image, view)) if "depth" in priors.kinds else None
         normal = float_tensor(priors.normal(image, view)) if "normal" in priors.kinds else None
-        found.append(GeometryGuess(depth, normal))
+        found.append(room.keep(GeometryGuess(depth, normal)))
     return found
 
 
-def exposed_photographs(capture: Capture) -> list[np.ndarray]:
+def exposed_photographs(capture: Capture) -> Iterator[np.ndarray]:
     """Images that a prior sees first: the training photographs, linear, display range."""
-    return [capture.photograph(view) * np.float32(capture.exposure) for view in capture.train]
+    for view in capture.train:
+        yield capture.photograph(view) * np.float32(capture.exposure)
 
 
-@torch.no_grad()
 def drawn_albedos(
     capture: Capture, values: Mapping[str, torch.Tensor], settings: SunFadedSettings
-) -> list[np.ndarray]:
+) -> Iterator[np.ndarray]:
     """Images that a prior sees then: the albedo of the training views as it has been found, linear."""
-    drawn = [draw(values, view.camera, settings).features[..., :3] for view in capture.train]
-    return [(image if settings.space == "linear" else srgb_decode_tensor(image)).numpy() for image in drawn]
+    for view in capture.train:
+        with torch.no_grad():
+            image = draw(values, view.camera, settings).features[..., :3]
+            shown = image if settings.space == "linear" else srgb_decode_tensor(image)
+        yield shown.numpy()

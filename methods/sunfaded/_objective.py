@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture
+from graycard.io import Room
 from graycard.methods.splat import (
     CENTRES,
     LossResult,
@@ -44,14 +45,14 @@ class DisplayedPhotograph:
 
 def photographs(capture: Capture, settings: SunFadedSettings) -> list[DisplayedPhotograph]:
     """Return the training views, exposed, encoded and weighted."""
-    found = []
+    found, room = [], Room()
     for view in capture.train:
         exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
         shown = srgb_encode_tensor(torch.from_numpy(exposed))
         linear = settings.space == "linear" and settings.weight == "log_minmax"
         picture = exposed if linear else shown.numpy()
         weight = torch.from_numpy(unlit_weight(picture, settings))[..., None]
-        found.append(DisplayedPhotograph(view.camera, shown, weight, lens_of(view.camera)))
+        found.append(room.keep(DisplayedPhotograph(view.camera, shown, weight, lens_of(view.camera))))
     return found
 
 
@@ -71,6 +72,7 @@ class SunFadedObjective:
     seed: int
     _kept: dict[int, Maps] = field(default_factory=dict, init=False, repr=False)
     """Drawn layers of surfels that stand still, by the number of the view."""
+    _room: Room = field(default_factory=Room, init=False, repr=False)
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """Return the loss of a step, with what else the fit is told."""
@@ -106,7 +108,7 @@ class SunFadedObjective:
             return draw(values, view.camera, self.settings)
         if number not in self._kept:
             with torch.no_grad():
-                self._kept[number] = draw(values, view.camera, self.settings)
+                self._kept[number] = self._room.keep(draw(values, view.camera, self.settings))
         return self._kept[number]
 
     def _unlit_loss(self, values: Mapping[str, torch.Tensor], drawn: Maps, number: int) -> torch.Tensor:

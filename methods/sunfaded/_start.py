@@ -93,10 +93,14 @@ def first_lights(
     Returns:
         Parameters by name.
     """
-    shown = [srgb_decode_tensor(view.shown) if settings.space == "linear" else view.shown for view in views]
-    weights = torch.stack([view.weight.mean() for view in views])
-    dark = torch.stack([(v.weight * image).mean(dim=(0, 1)) for v, image in zip(views, shown, strict=True)])
-    dark = dark.mean(dim=0) / weights.mean() if settings.ambient else torch.zeros(3)
-    whole = torch.stack([image.mean(dim=(0, 1)) for image in shown]).mean(dim=0)
+    means, weighted, weights = [], [], []
+    for view in views:
+        image = srgb_decode_tensor(view.shown) if settings.space == "linear" else view.shown
+        means.append(image.mean(dim=(0, 1)))
+        weighted.append((view.weight * image).mean(dim=(0, 1)))
+        weights.append(view.weight.mean())
+    dark = torch.stack(weighted).mean(dim=0) / torch.stack(weights).mean()
+    dark = dark if settings.ambient else torch.zeros(3)
+    whole = torch.stack(means).mean(dim=0)
     level = (whole - dark).clamp(min=FAINT) / albedo
     return lamp_parameters(seed, level) | {AMBIENT: dark / albedo}

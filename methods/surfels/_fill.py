@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from scipy.ndimage import binary_erosion, median_filter, uniform_filter
 
-from graycard import Camera, Capture, MethodError, Points
+from graycard import Camera, Capture, MethodError, Points, View
+from graycard.io import Room
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import srgb_encode_tensor
 from graycard.methods.surfels._ncc import SweptView
@@ -61,11 +62,12 @@ def surfels_between(
     swept = stereo_depths(capture, points, seed) if swept is None and each >= MANY else swept
     if each < MANY or swept is None:
         return None
-    cameras, shown = [view.camera for view in capture.train], _shown(capture)
-    depths = dense_depths(cameras, swept)
-    if known is not None:
-        depths = [np.where(np.isfinite(k), k, depth) for k, depth in zip(known, depths, strict=True)]
-    parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
+    depths = dense_depths([view.camera for view in capture.train], swept)
+    parts = []
+    told = [None] * len(depths) if known is None else known
+    for view, depth, own in zip(capture.train, depths, told, strict=True):
+        both = depth if own is None else np.where(np.isfinite(own), own, depth)
+        parts.append(_grid(view.camera, both, _shown(capture, view), each, opacity))
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
@@ -84,19 +86,17 @@ def stereo_depths(capture: Capture, points: Points, seed: int) -> list[SweptDept
     if not all(len(depths) for _, depths in seen):
         return None
     far = MARGIN * max(float(z.max()) for _, z in seen)
+    room = Room()
     views = [
-        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), far)
-        for camera, image, (_, z) in zip(cameras, _shown(capture), seen, strict=True)
+        SweptView(view.camera, room.keep(_shown(capture, view).mean(dim=-1)), float(z.min() / MARGIN), far)
+        for view, (_, z) in zip(capture.train, seen, strict=True)
     ]
     return with_planes(views, sweep_depths(views), seed)
 
 
-def _shown(capture: Capture) -> list[torch.Tensor]:
-    """Return the training photographs, exposed and encoded, shape ``(H, W, 3)`` each."""
-    return [
-        srgb_encode_tensor(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure)))
-        for v in capture.train
-    ]
+def _shown(capture: Capture, view: View) -> torch.Tensor:
+    """Return a training photograph, exposed and encoded, shape ``(H, W, 3)``."""
+    return srgb_encode_tensor(torch.from_numpy(capture.photograph(view) * np.float32(capture.exposure)))
 
 
 def observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -121,7 +121,8 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
     Raises:
         MethodError: Stereo is sure of nothing.
     """
-    sure = [np.where(one.sure, one.depth, np.nan) for one in swept]
+    room = Room()
+    sure = [room.keep(np.where(one.sure, one.depth, np.nan)) for one in swept]
     if not any(one.sure.any() for one in swept):
         raise MethodError(
             "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
@@ -134,7 +135,7 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
         others = [(c, d) for c, d in zip(cameras, sure, strict=True) if c is not camera]
         hides = [depth_ratio(camera, depth, *other) < 1 - HIDES for other in others]
         wrong = ~one.sure & (np.any(hides, axis=0) | ~np.isfinite(depth))
-        dense.append(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest"))
+        dense.append(room.keep(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest")))
     return dense
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture, Sensor, View
+from graycard.io import Room
 from graycard.methods.splat import (
     CENTRES,
     LearningRateSchedule,
@@ -81,12 +82,12 @@ class EncodedPhotograph:
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:
     """Return the training views, exposed and encoded, and where they are full if exposures differ."""
-    found = []
+    found, room = [], Room()
     for view in capture.train:
         linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
         sky = sky_basis(view.camera, settings.sky_degree)
         full = _full(linear, view, capture.sensor)
-        found.append(EncodedPhotograph(view.camera, srgb_encode_tensor(linear), sky, full=full))
+        found.append(room.keep(EncodedPhotograph(view.camera, srgb_encode_tensor(linear), sky, full=full)))
     return found
 
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from graycard import Camera
+from graycard.io import Room
 from graycard.methods._numba import njit
 from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 from graycard.methods.surfels._ncc import SweptView, mean_ncc
@@ -62,7 +63,8 @@ def with_planes(views: Sequence[SweptView], swept: Sequence[SweptDepth], seed: i
     planes = large_planes(points, THICK * reach, seed)
     if not len(planes):
         return list(swept)
-    return [_on_planes(number, views, swept, planes) for number in range(len(views))]
+    room = Room()
+    return [room.keep(_on_planes(number, views, swept, planes)) for number in range(len(views))]
 
 
 def large_planes(points: np.ndarray, tolerance: np.ndarray, seed: int) -> np.ndarray:

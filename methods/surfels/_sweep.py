@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard import Camera
+from graycard.io import Room
 from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._transfer import depth_ratio
@@ -46,7 +47,8 @@ def sweep_depths(views: Sequence[SweptView]) -> list[SweptDepth]:
         views: Two or more, of one scene.
     """
     partners = [partners_of(views, number) for number in range(len(views))]
-    depths = [sweep_depth(views, number) for number in range(len(views))]
+    room = Room()
+    depths = [room.keep(sweep_depth(views, number)) for number in range(len(views))]
     swept = []
     for number, found in enumerate(partners):
         others = [(views[p].camera, depths[p]) for p in found]

@@ -10,57 +10,21 @@ import numpy as np
 import pytest
 import torch
 
-from graycard import Capture, GraycardError, methods, open_truth, srgb_encode
+from graycard import GraycardError, open_truth, srgb_encode
 from graycard.benchmarks import FitSpec, fit_scene
 from graycard.dataset import manifest_of
 from graycard.io import silent, write_manifest
-from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat.cuda import _rasterize as _cuda
 from graycard.methods.splat.cuda._footprints import Kernels
 from gsplat_stand_ins import stand_ins
 from sparse_points import with_points
 from stand_in_gpu import by_inner, stand_in_gpu
+from tiny_fits import TRACKS, fitted, pictures
 
-TRACKS = {
-    "2dgs": "dark",
-    "2dgs-oracle": "dark",
-    "appearance": "dark",
-    "darkgs": "dark",
-    "sunfaded": "dark",
-    "gsid": "multilight",
-    "r3dg": "multilight",
-    "goris": "tabletop",
-    "removal": "tabletop",
-}
-"""Methods that fit surfels, and a track of each."""
 FEW = ("goris",)
 """Those that CI has time for, besides the twenty steps of 2dgs below."""
 PAPERS = ("2dgs", "sunfaded", "gsid", "goris")
 DRAWN = {"sunfaded": "radiance", "gsid": "radiance", "goris": "radiance"}
-
-
-def fitted(name: str, scene: Path, backend: str, **changes: Any) -> methods.Decomposition:
-    method = methods.load_method(name)
-    capture, chosen = with_points(scene), methods.settings_of(method, {"backend": backend, **changes})
-    return method.fit(capture, told(name, scene, capture), chosen, 0, silent)
-
-
-def told(name: str, scene: Path, capture: Capture) -> methods.Priors:
-    """Answers to what a method asks, as far as the tiny scene's truth has them."""
-    truth = open_truth(scene / "truth", check=False)
-    known, asks = {v.name: truth.layers(v) for v in truth.views}, methods.asks_of(methods.load_method(name))
-    if not asks:
-        return methods.Priors("oracle", known, truth.lights())
-    spec = PriorSpec("classical") if TRACKS[name] == "tabletop" else PriorSpec("oracle", 1)
-    asks = tuple(ask for ask in asks if ask.kind in ("light", "depth", "normal", "base_color", "inpainting"))
-    return make_priors(spec, asks, capture, known, truth.lights())
-
-
-def pictures(found: methods.Decomposition, scene: Path) -> np.ndarray:
-    """Draw all views of a fit, encoded."""
-    truth = open_truth(scene / "truth", check=False)
-    drawn = [found.render(view.camera, ["radiance"])["radiance"] for view in truth.views]
-    return np.stack([srgb_encode(image * truth.exposure) for image in drawn])
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:

@@ -49,6 +49,7 @@ from graycard.io._manifest import damaged_files as damaged_files
 from graycard.io._manifest import read_manifest as read_manifest
 from graycard.io._manifest import write_manifest as write_manifest
 from graycard.io._memory import blocks as blocks
+from graycard.io._memory import hand_back_freed_memory as hand_back_freed_memory
 from graycard.io._memory import keep_freed_memory as keep_freed_memory
 from graycard.io._memory import peak_memory_mib as peak_memory_mib
 from graycard.io._names import AnyPlace as AnyPlace
@@ -73,6 +74,7 @@ from graycard.io._primaries import are_rec709 as are_rec709
 from graycard.io._primaries import name_primaries as name_primaries
 from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
+from graycard.io._room import Room as Room
 from graycard.io._strict import parse_json as parse_json
 from graycard.io._strict import parse_toml as parse_toml
 from graycard.io.sharing._marks import process_space as process_space

@@ -6,6 +6,7 @@ import ctypes
 import resource
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 BLOCK = 1 << 14
@@ -14,6 +15,9 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """``M_TRIM_THRESHOLD`` and ``M_MMAP_THRESHOLD`` of glibc's ``malloc.h``."""
 _KEPT, _LARGEST = 1 << 28, 1 << 25
 """Bytes that may lie idle, and of the largest array that is treated so (old versions take no more)."""
+
+_ALONE = 1 << 20
+"""Bytes from which on an array is handed back alone."""
 
 
 def keep_freed_memory() -> bool:
@@ -25,10 +29,28 @@ def keep_freed_memory() -> bool:
     Returns:
         Whether the C library took the setting; elsewhere than with glibc nothing changes.
     """
+    return _mallopt(_MMAP_THRESHOLD, _LARGEST) and _mallopt(_TRIM_THRESHOLD, _KEPT)
+
+
+@cache
+def hand_back_freed_memory() -> bool:
+    """Hand memory of large arrays back to the system when it is freed; undoes :func:`keep_freed_memory`.
+
+    Else much of it is lost where arrays of one size come and go while small ones stay. glibc before 2.38
+    finds no place for an aligned block, such as torch's, where one of its very size was.
+
+    Returns:
+        As of :func:`keep_freed_memory`.
+    """
+    return _mallopt(_MMAP_THRESHOLD, _ALONE)
+
+
+def _mallopt(parameter: int, value: int) -> bool:
+    """Change how the C library hands out memory, if it is glibc."""
     if not sys.platform.startswith("linux"):
         return False
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    return bool(mallopt and mallopt(_MMAP_THRESHOLD, _LARGEST) and mallopt(_TRIM_THRESHOLD, _KEPT))
+    return bool(mallopt and mallopt(parameter, value))
 
 
 def blocks(count: int) -> Iterator[slice]:

@@ -25,7 +25,7 @@ from graycard.methods.r3dg._light import (
     returned,
 )
 from graycard.methods.r3dg._method import first_surfaces
-from graycard.methods.r3dg._objective import R3dgObjective, forward_view
+from graycard.methods.r3dg._objective import R3dgObjective, forward_views
 from graycard.methods.shading import (
     Material,
     lit_by_surroundings,
@@ -33,6 +33,7 @@ from graycard.methods.shading import (
     unevenness_but_for_edges,
 )
 from graycard.methods.splat import CENTRES, LOG_SCALES, Parameters
+from graycard.methods.surfels import EncodedPhotograph
 from lit_sheets import EXTENT, World
 from sparse_points import with_points
 
@@ -160,10 +161,11 @@ def test_it_follows_the_contract(scene: Path, fitted: R3dgScene):
 def test_every_parameter_gets_a_slope_in_the_first_step(scene: Path, fitted: R3dgScene):
     values = {**fitted.parameters.all, **first_surfaces(len(fitted.parameters))}
     capture = open_capture(scene / "capture", check=False)
-    shots = [
-        forward_view(view.camera, torch.rand(view.camera.height, view.camera.width, 3), values)
-        for view in capture.train
+    views = [
+        EncodedPhotograph(v.camera, torch.rand(v.camera.height, v.camera.width, 3), torch.empty(0))
+        for v in capture.train
     ]
+    shots = forward_views(views, values)
     free = {name: values[name].clone().requires_grad_() for name in (BASE_COLOR, ROUGHNESS, OWN, SKY)}
     look = R3dgObjective(shots, fitted.directions, QUICK, 0, 0)(values | free, 0)
     for name, slope in zip(free, torch.autograd.grad(look.loss, list(free.values())), strict=True):

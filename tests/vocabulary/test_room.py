@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Room for records of views: memory while there is some, then files, and the same values in both."""
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import torch
+
+from graycard import Camera, OutputError
+from graycard.io import Room, _room
+
+LARGE = (300, 400)
+DTYPES = (torch.float32, torch.float64, torch.bool, torch.int64, torch.uint8)
+
+
+@pytest.fixture(autouse=True)
+def memory_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the memory of this process to the tests that come after."""
+    monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A record in a record."""
+
+    image: torch.Tensor
+    name: str = "part"
+
+
+class Pair(NamedTuple):
+    """Two arrays."""
+
+    first: np.ndarray
+    second: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """All kinds of values that views have."""
+
+    camera: Camera
+    part: Part
+    pair: Pair
+    layers: dict[str, Any]
+    missing: torch.Tensor | None = None
+
+
+def a_record() -> Record:
+    random = np.random.default_rng(0)
+    camera = Camera(400, 300, np.eye(3), np.eye(4))
+    image, small = torch.from_numpy(random.random((*LARGE, 3))).float(), torch.ones(3)
+    pair = Pair(random.random(LARGE) > 0.5, None)
+    return Record(camera, Part(image), pair, {"depth": random.random(LARGE), "small": small})
+
+
+def in_a_file(tensor: torch.Tensor) -> bool:
+    """Tell whether the memory of a tensor is a mapped file."""
+    address = tensor.data_ptr()
+    for line in Path("/proc/self/maps").read_text().splitlines():
+        first, last = (int(end, 16) for end in line.split()[0].split("-"))
+        if first <= address < last:
+            return "graycard-view" in line
+    return False
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_a_tensor_in_a_file_has_the_same_values(dtype: torch.dtype) -> None:
+    values = (5 * torch.rand(*LARGE, 3)).to(dtype).transpose(0, 1)
+    found = Room(0).keep(values)
+    assert in_a_file(found)
+    assert found.dtype == dtype
+    assert torch.equal(found, values)
+    found.zero_()  # it can be written to, as any tensor
+    assert not found.any()
+
+
+def test_a_record_keeps_its_kind_and_what_is_small_stays() -> None:
+    record = a_record()
+    found = Room(0).keep(record)
+    assert found.camera is record.camera
+    assert (type(found.part), found.part.name, type(found.pair)) == (Part, "part", Pair)
+    assert torch.equal(found.part.image, record.part.image)
+    assert np.array_equal(found.pair.first, record.pair.first)
+    assert np.array_equal(found.layers["depth"], record.layers["depth"])
+    assert found.layers["small"] is record.layers["small"]
+    assert found.pair.second is None
+    assert found.missing is None
+    large = (found.part.image, *map(torch.from_numpy, (found.pair.first, found.layers["depth"])))
+    assert all(map(in_a_file, large))
+
+
+def test_records_stay_in_memory_while_they_fit() -> None:
+    room = Room(3 * 4 * 300 * 400)
+    first, second, third = torch.rand(*LARGE, 2), torch.rand(*LARGE, 2), torch.rand(*LARGE)
+    assert room.keep(first) is first
+    assert in_a_file(room.keep(second)), "it does not fit beside the first"
+    assert room.keep(third) is third
+    assert room.left == 0
+
+
+def test_the_limit_of_a_fit_makes_its_rooms_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_room, "usable_memory", lambda: 64 << 30)
+    assert Room().left == 2 << 30
+    monkeypatch.setattr(_room.resource, "getrlimit", lambda kind: (4 << 30, 8 << 30))
+    assert Room().left == 128 << 20
+
+
+def test_a_record_that_fits_is_the_same_object() -> None:
+    record = a_record()
+    found = Room(1 << 40).keep(record)
+    assert found.part is record.part
+    assert found.layers["depth"] is record.layers["depth"]
+
+
+def test_files_have_no_names_and_go_with_their_tensors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    found = [Room(0).keep(torch.rand(*LARGE)) for _ in range(20)]
+    assert not any(tmp_path.iterdir())
+    assert len(list(Path("/proc/self/fd").iterdir())) == before, "a capture has more views than files open"
+    assert Path("/proc/self/maps").read_text().count(str(tmp_path)) == 20
+    del found
+    assert str(tmp_path) not in Path("/proc/self/maps").read_text()
+
+
+def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    with pytest.raises(OutputError, match="missing"):
+        Room(0).keep(torch.rand(*LARGE))
+
+
+def test_a_full_disk_is_told_and_kills_nobody() -> None:
+    """A limit on the size of files stands in for the disk: a write beyond it fails as on a full one."""
+    code = (
+        "import resource, signal, torch\n"
+        "from graycard import OutputError\n"
+        "from graycard.io import Room\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "try:\n"
+        "    Room(0).keep(torch.rand(300, 400))\n"
+        "except OutputError as error:\n"
+        "    print('told')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "told\n"
+
+
+@pytest.mark.parametrize(("limit", "ends"), [("0", 0), ("1 << 40", 1)])
+def test_memory_is_bounded_however_many_views_there_are(limit: str, ends: int) -> None:
+    """Forty images of 16 MB in a process that may hold 300 MB more than it does."""
+    code = (
+        "import resource, torch\n"
+        "from pathlib import Path\n"
+        "from graycard.io import Room\n"
+        f"room, kept = Room({limit}), []\n"
+        "told = Path('/proc/self/status').read_text().partition('VmData:')[2]\n"
+        "most = int(told.split()[0]) * 1024 + 300 * 2**20\n"
+        "resource.setrlimit(resource.RLIMIT_DATA, (most, most))\n"
+        "for number in range(40):\n"
+        "    kept.append(room.keep(torch.full((4 << 20,), float(number))))\n"
+        "assert [float(one[-1]) for one in kept] == list(range(40))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == ends, done.stderr
