@@ -17,6 +17,7 @@ from graycard.io import await_file, remove_leftovers, sha256, to_builtins, writa
 from graycard.machines import Machines
 from graycard.methods.priors import told_exactly
 from graycard.records import (
+    EARLIER,
     RUN_FILE,
     Edition,
     Job,
@@ -32,8 +33,8 @@ from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe, sce
 
 _AS_SUITE = Size()
 
-EARLIER = "earlier"
-"""Key of a record's environment: where results were made that an earlier bench of the folder has left."""
+_HASH = 12
+"""Digits of a hash that tell jobs apart."""
 
 
 class RunError(GraycardError):
@@ -245,19 +246,39 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         wall_s=round(record.wall_s + (before.wall_s if record.started != before.started else 0.0), 2),
         scenes=scenes,
         methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
-        environment=_with_places_before(record, before) if old else record.environment,
         commitment=record.commitment or before.commitment,
         results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
 
 
-def _with_places_before(record: RunRecord, before: RunRecord) -> dict[str, Any]:
-    """Return the environment of a record, and under ``earlier`` those of older ones that differ."""
-    own = to_builtins(dict(record.environment))
-    last = to_builtins(dict(before.environment))
-    found = [*own.pop(EARLIER, []), *last.pop(EARLIER, []), last]
-    others = [one for number, one in enumerate(found) if one != own and one not in found[:number]]
-    return {**own, EARLIER: others} if others else own
+def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
+    """Return a record that also says where its results were made that an earlier bench of the folder left.
+
+    ``earlier`` in its environment has each such environment that differs from its own. Beginnings of the
+    hashes of these results are its ``jobs``.
+
+    Args:
+        record: The whole, with the results that were kept or found done.
+        before: What the folder had.
+    """
+    own, last = (to_builtins(dict(one.environment)) for one in (record, before))
+    own.pop(EARLIER, None)
+    places: list[dict[str, Any]] = list(last.pop(EARLIER, None) or ())
+    known = {job for place in places for job in place.get("jobs", ())}
+    made = [result.job_hash[:_HASH] for result in before.results if result.cost]
+    places.append({**last, "jobs": [job for job in made if job not in known]})
+    there = {(_key(r.job), r.job_hash): r.cost for r in before.results if r.cost}
+    kept = [r for r in record.results if r.cost and there.get((_key(r.job), r.job_hash)) == r.cost]
+    stays = {result.job_hash[:_HASH] for result in kept}  # one that was made anew took another time
+    found: list[dict[str, Any]] = []
+    for place in places:
+        jobs = [job for job in place.pop("jobs", ()) if job in stays]
+        alike = [one for one in found if {**one, "jobs": None} == {**place, "jobs": None}]
+        if alike:
+            alike[0]["jobs"] += jobs
+        elif jobs and place != own:
+            found.append({**place, "jobs": jobs})
+    return replace(record, environment={**own, **({EARLIER: found} if found else {})})
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:

@@ -45,6 +45,7 @@ from graycard.benchmarks._run_record import (
     result_of,
     scene_record,
     tidied,
+    with_places_before,
 )
 from graycard.benchmarks._sizes import at_size, scaled
 from graycard.benchmarks._sources import environment
@@ -263,9 +264,10 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
 
     Submitted predictions have to be of a scene of the suite.
     """
+    scenes = (*bench.suite.scenes, *(bench.whole.scenes if bench.whole else ()))
     for method in bench.suite.methods:
         if method.predictions:
-            check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
+            check_folder(method.predictions, [(s.track, scene_name(s)) for s in scenes])
     count = len(bench.suite.methods)
     bench.progress(0.0, f"{bench.suite.name}: asking {count} row{'s' * (count != 1)} for their settings")
     told = bench.dataset, bench.run / "jobs", bench.jobs, bench.limits, bench.terms.allowed
@@ -351,7 +353,8 @@ def _with_earlier(part: Measured, before: RunRecord, whole: Suite | None) -> Run
     if part.all_reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)
-    return record if whole is None else joined(record, before, whole)
+    whole_record = record if whole is None else joined(record, before, whole)
+    return with_places_before(whole_record, before)
 
 
 def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:

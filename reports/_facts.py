@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from graycard.records import Edition, JobResult, RunRecord, knob_text
+from graycard.records import EARLIER, Edition, JobResult, RunRecord, knob_text
 from graycard.reports._format import format_date, format_seconds
 
 
@@ -45,7 +45,7 @@ class SceneHash:
 
 def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     """Return the run and its environment; each mapping or list of the environment is a group of its own."""
-    own = (
+    facts = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
         *([("other than in the suite", record.departs)] if record.departs else []),
         *([("sealed scenes", _edition_words(record.edition))] if record.edition else []),
@@ -53,9 +53,12 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
         ("wall time", format_seconds(record.wall_s)),
         ("jobs", _count_jobs(record.results)),
     )
-    nested = {k: v for k, v in record.environment.items() if _is_nested(v)}
-    plain = tuple((k.replace("_", " "), _text(v)) for k, v in record.environment.items() if k not in nested)
-    groups = [FactGroup("Run", own), *([FactGroup("Machine", plain)] if plain else [])]
+    last, *earlier = record.environments
+    counted = [{**one, "jobs": len(one.get("jobs", ()))} for one in earlier]
+    own = {**last, **({EARLIER: counted} if counted else {})}
+    nested = {k: v for k, v in own.items() if _is_nested(v)}
+    plain = tuple((k.replace("_", " "), _text(v)) for k, v in own.items() if k not in nested)
+    groups = [FactGroup("Run", facts), *([FactGroup("Machine", plain)] if plain else [])]
     return tuple(
         groups + [FactGroup(k.replace("_", " ").capitalize(), flatten(v)) for k, v in nested.items()]
     )

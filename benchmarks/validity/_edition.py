@@ -38,13 +38,14 @@ def edition_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 def _code(run: RunRecord, edition: Edition) -> Iterator[Breach]:
     """Compare the commit of the run, or the version that was installed, with that of the tag."""
-    ran = str(run.environment.get("git_commit") or "")
-    if edition.commit and not (ran and edition.commit.startswith(ran)):
-        what = f"expected a run of commit {edition.commit[:12]}, which {edition.tag} is, got {ran or 'none'}"
-        yield Breach(RULE, "environment", what)
-    version = f"v{dict(run.environment.get('packages') or {}).get('graycard')}"
-    if not edition.commit and edition.tag != version:
-        yield Breach(RULE, "environment", f"expected a run of release {edition.tag}, got {version}")
+    for environment in run.environments:
+        ran = str(environment.get("git_commit") or "")
+        if edition.commit and not (ran and edition.commit.startswith(ran)):
+            wanted = f"commit {edition.commit[:12]}, which {edition.tag} is"
+            yield Breach(RULE, "environment", f"expected a run of {wanted}, got {ran or 'none'}")
+        version = f"v{dict(environment.get('packages') or {}).get('graycard')}"
+        if not edition.commit and edition.tag != version:
+            yield Breach(RULE, "environment", f"expected a run of release {edition.tag}, got {version}")
 
 
 def _tag(edition: Edition) -> Iterator[Breach]:

@@ -184,20 +184,13 @@ def value_breaches(run: RunRecord) -> list[Breach]:
 
 def origin_breaches(run: RunRecord) -> list[Breach]:
     """Versions, hardware and commit that are missing, or a commit that the code has left."""
-    packages = run.environment.get("packages") or {}
-    found = [
-        Breach("origin", "environment", f"expected the version of {name}, got none")
-        for name in PACKAGES
-        if not packages.get(name)
-    ]
-    found += [
-        Breach("origin", "environment", f"expected {name}, got none")
-        for name in _ORIGINS
-        if not run.environment.get(name)
-    ]
-    if what := _code_fault(run.environment):
-        found.append(Breach("origin", "environment", what))
-    return found
+    found = []
+    for environment in run.environments:
+        packages = environment.get("packages") or {}
+        found += [f"expected the version of {name}, got none" for name in PACKAGES if not packages.get(name)]
+        found += [f"expected {name}, got none" for name in _ORIGINS if not environment.get(name)]
+        found += [what] if (what := _code_fault(environment)) else []
+    return [Breach("origin", "environment", what) for what in found]
 
 
 def _code_fault(environment: Mapping[str, Any]) -> str:

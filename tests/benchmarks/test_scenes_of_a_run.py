@@ -107,7 +107,7 @@ def test_a_record_alone_carries_earlier_scenes_to_another_machine(
     assert [place["cpu"] for place in found.environment["earlier"]] == ["of the first machine"]
     assert (there / "report" / "index.html").is_file()
     told = {group.title: group.facts for group in fact_groups(found)}
-    assert ("cpu", "of the first machine") in told["Earlier"]
+    assert {("cpu", "of the first machine"), ("jobs", "5")} <= set(told["Earlier"])
     assert main(command(there, 1)) == 0
     assert [place["cpu"] for place in read_run(there).environment["earlier"]] == ["of the first machine"]
 
@@ -124,6 +124,64 @@ def test_no_environment_is_kept_of_results_that_are_all_made_anew(
     (run / "run.json").write_text(json.dumps(record))
     assert main(command(run, 0)) == 0
     assert "earlier" not in read_run(run).environment
+
+
+def test_a_whole_run_says_where_the_fits_were_made_that_it_found(
+    command: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    """One fit is made anew: the others are still those of the first machine, until they go, too."""
+    run = tmp_path / "run"
+
+    def earlier() -> list[tuple[str, int]]:
+        found = read_run(run).environment.get("earlier", [])
+        return [(place["cpu"], len(place["jobs"])) for place in found]
+
+    assert main(command(run)) == 0
+    record = json.loads((run / "run.json").read_text())
+    record["environment"]["cpu"] = "of the first machine"
+    (run / "run.json").write_text(json.dumps(record))
+    shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
+    assert main(command(run)) == 0
+    assert earlier() == [("of the first machine", len(record["results"]) - 1)]
+    assert main(command(run)) == 0
+    assert earlier() == [("of the first machine", len(record["results"]) - 1)], "nothing was made"
+    shutil.rmtree(run / "jobs")
+    assert main(command(run)) == 0
+    assert earlier() == []
+
+
+def test_results_of_changed_code_are_no_valid_part_of_a_run(
+    command: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    assert main(command(run, 0)) == 0
+    record = json.loads((run / "run.json").read_text())
+    record["environment"]["git_commit"] = "abc123+"
+    (run / "run.json").write_text(json.dumps(record))
+    assert main(command(run, 1)) == 0
+    told = [breach.what for breach in check_result(run).breaches if breach.rule == "origin"]
+    assert [what for what in told if "got abc123+" in what]
+
+
+def test_no_scene_is_not_all_scenes(
+    command: Callable[..., list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command(tmp_path / "run"), "--scenes"]) == 2
+    assert "expected one or more values after --scenes, got none" in capsys.readouterr().err
+
+
+def test_predictions_of_one_scene_do_not_stop_a_bench_of_another(
+    command: Callable[..., list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = tmp_path / "whole"
+    assert main(command(whole)) == 0
+    first, second = (scene.scene for scene in read_run(whole).scenes)
+    made = next(whole.glob(f"jobs/*/{first}/gray-*/predictions"))
+    shutil.copytree(made, tmp_path / "theirs" / "dark" / first)
+    row = ["--methods", "gray", "--predictions", f"theirs={tmp_path / 'theirs'}"]
+    main([*command(tmp_path / "run", 1), *row])
+    assert "for a scene of the suite" not in capsys.readouterr().err
+    assert {result.job.scene for result in read_run(tmp_path / "run").results} == {second}
 
 
 def test_sealed_scenes_come_in_the_order_of_their_range() -> None:

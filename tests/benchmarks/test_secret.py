@@ -226,6 +226,20 @@ def test_nothing_but_the_truth_shows_a_seed(
     assert CLAIMS not in {p.name for p in files}
 
 
+def test_secret_scenes_of_several_benches_come_in_the_order_of_the_suite(
+    tmp_path: Path,
+    suite_file: Path,
+    salt_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    write_tiny: Callable[..., Path],
+) -> None:
+    made_without_renderer(monkeypatch, write_tiny)
+    command = ["bench", str(suite_file), "--salt", str(salt_file), "--out", str(tmp_path / "run")]
+    for name in (NAMES[3], NAMES[1], NAMES[0]):
+        assert main([*command, "--scenes", name]) == 0
+    assert [scene.scene for scene in read_run(tmp_path / "run").scenes] == [NAMES[0], NAMES[1], NAMES[3]]
+
+
 def test_only_the_salt_makes_a_run_valid(
     secret_run: Path, salt_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ from graycard.records._looks import Looks as Looks
 from graycard.records._photographs import KIND as KIND
 from graycard.records._photographs import PhotographSheet as PhotographSheet
 from graycard.records._photographs import read_photograph_sheet as read_photograph_sheet
+from graycard.records._run import EARLIER as EARLIER
 from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import RUN_FILE as RUN_FILE

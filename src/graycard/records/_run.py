@@ -25,6 +25,8 @@ from graycard.records._looks import Edition, Looks
 from graycard.records._size import Size, departures
 
 RUN_FILE = "run.json"
+EARLIER = "earlier"
+"""Key in the environment of a record: where results were made that an earlier bench of the folder left."""
 PUBLISHED_PAGE = "index.html"
 """The report in a published folder; a run has its own in a folder of that name."""
 RECORD_VERSION = 2
@@ -138,6 +140,7 @@ class Cost:
 
     wall_s: float
     peak_memory_mib: float
+    """The most memory that the process of the fit held, with pages of files that are mapped, MiB."""
     counts: Mapping[str, float] = field(default_factory=dict)
     """Counts by the method itself for one held-out view, the mean over them, as ``light evaluations``."""
     cpu_s: float | None = None
@@ -252,7 +255,10 @@ class RunRecord:
     metrics: tuple[MetricRecord, ...]
     results: tuple[JobResult, ...]
     environment: Mapping[str, Any]
-    """Package versions, git commit, hardware, renderer variant."""
+    """Package versions, git commit, hardware, renderer variant; of the last bench of the folder.
+
+    ``earlier`` lists those of other benches of which it has results, with ``jobs``, the beginnings of their
+    hashes."""
     started: str
     """UTC, ISO 8601."""
     wall_s: float
@@ -299,6 +305,11 @@ class RunRecord:
         rows = [method for method in self.methods if method.name in names and not method.predictions]
         own = {method.name for method in rows}
         return frozenset(m.name for m in rows if m.entry != m.name and m.entry in own)
+
+    @property
+    def environments(self) -> tuple[Mapping[str, Any], ...]:
+        """All environments in which results were made, that of the last bench first."""
+        return self.environment, *(self.environment.get(EARLIER) or ())
 
     @property
     def departs(self) -> str:

@@ -58,7 +58,8 @@ class BenchCommand:
     tracks: Annotated[tuple[str, ...], optional("TRACK ...")] = ()
     """Run these tracks only."""
     scenes: Annotated[tuple[str, ...], optional("SCENE ...")] = ()
-    """Run these scenes only, as corridor-0003. Results of others that the run folder has stay."""
+    """Run these scenes only, as corridor-0003 or dark/corridor-0003. Results of others that the run folder
+    has stay."""
     methods: Annotated[tuple[str, ...], optional("METHOD ...")] = ()
     """Run these rows, or all rows of these methods; others than the suite's by name or module:attribute."""
     predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
@@ -209,11 +210,12 @@ class BenchCommand:
         scenes = opened(whole) if self.sealed else whole if salt is None else with_secret(whole, salt)
         rows = with_rows(scenes, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
-        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else (), self.scenes)
+        chosen = [*self.methods, *given] if self.methods else ()
+        suite = narrow(rows, self.tracks, chosen, self.scenes)
         suite = suite if self.compositions else without_compositions(suite)
         run = self.out or Path("runs") / f"{suite.name}{self._kind()}"
         is_part = self.sealed or suite != scenes
-        return _Chosen(suite, run, whole if is_part else None)
+        return _Chosen(suite, run, (whole if self.sealed else scenes) if is_part else None)
 
     def _kind(self) -> str:
         """Return the end of the run folder's name: what is other than in the suite."""
