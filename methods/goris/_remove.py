@@ -160,6 +160,8 @@ def without_object(
         rates.pop(name)
     room = Room()
     aims = [room.keep(_removal_target(target)) for target in targets]
+    changed = {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind}
+    del behind, targets, added  # they take more than all that is fitted
     objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
     rules = removal_density_rules(settings) if settings.removal_density else None
@@ -167,7 +169,7 @@ def without_object(
     steps = settings.second_steps
     config = TrainConfig(steps, rates, extent, rules, stage, backend=settings.backend)
     after = train(initial_state(start, seed), config, objective, progress).parameters
-    return Removed(after, {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind})
+    return Removed(after, changed)
 
 
 def removal_density_rules(settings: GorisSettings) -> DensityRules:

@@ -128,13 +128,15 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
             "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
             "begin with the sparse points alone"
         )
-    far = float(np.nanquantile(np.concatenate([depth.ravel() for depth in sure]), FAR))
+    far = float(np.quantile(np.concatenate([one.depth[one.sure] for one in swept]), FAR))
     dense = []
     for camera, one, known in zip(cameras, swept, sure, strict=True):
         depth = np.where(one.sure, known, _guess(one))
-        others = [(c, d) for c, d in zip(cameras, sure, strict=True) if c is not camera]
-        hides = [depth_ratio(camera, depth, *other) < 1 - HIDES for other in others]
-        wrong = ~one.sure & (np.any(hides, axis=0) | ~np.isfinite(depth))
+        hidden = np.zeros(depth.shape, bool)
+        for other, its in zip(cameras, sure, strict=True):
+            if other is not camera:
+                hidden |= depth_ratio(camera, depth, other, its) < 1 - HIDES
+        wrong = ~one.sure & (hidden | ~np.isfinite(depth))
         dense.append(room.keep(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest")))
     return dense
 

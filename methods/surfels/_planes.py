@@ -103,15 +103,17 @@ def _sure_points(views: Sequence[SweptView], swept: Sequence[SweptDepth]) -> tup
     """Return some of the points that stereo is sure of, world, and how far they are from their cameras,
     metres.
     """
-    found, reach = [], []
-    for view, one in zip(views, swept, strict=True):
+    counts = [int(one.sure.sum()) for one in swept]
+    some = np.linspace(0, sum(counts) - 1, min(SAMPLES, sum(counts))).astype(np.int64)
+    found, reach, first = [], [], 0
+    for view, one, count in zip(views, swept, counts, strict=True):
+        own = some[(some >= first) & (some < first + count)] - first
+        first += count
         rays = view.camera.rays()[one.sure]
         distance = one.depth[one.sure] / (rays @ view.camera.forward)
-        found.append(view.camera.position + rays * distance[:, None])
-        reach.append(distance)
-    points, distances = np.concatenate(found), np.concatenate(reach)
-    some = np.linspace(0, len(points) - 1, min(SAMPLES, len(points))).astype(np.int64)
-    return points[some], distances[some]
+        found.append(view.camera.position + rays[own] * distance[own, None])
+        reach.append(distance[own])
+    return np.concatenate(found), np.concatenate(reach)
 
 
 def _largest(points: np.ndarray, tolerance: np.ndarray, random: np.random.Generator) -> np.ndarray:
@@ -187,10 +189,12 @@ def _on_planes(
     ncc = mean_ncc(view, partners, 1 / depths, WINDOW)
     cost = np.where(valid, 1 - np.maximum(ncc, FAINT), 2.0)
     cost[0] += np.where(found.sure, 0, SURFACE)
-    others = [(v.camera, np.where(s.sure, s.depth, np.nan)) for v, s in zip(views, swept, strict=True)]
-    del others[number]
-    blocks = [depth_ratio(view.camera, depths[1:], *other) < 1 - HIDES for other in others]
-    cost[1:] += IN_THE_WAY * np.sum(blocks, axis=0)
+    blocks = np.zeros(depths[1:].shape, np.int64)
+    for other, (seen, its) in enumerate(zip(views, swept, strict=True)):
+        if other != number:
+            sure = np.where(its.sure, its.depth, np.nan)
+            blocks += depth_ratio(view.camera, depths[1:], seen.camera, sure) < 1 - HIDES
+    cost[1:] += IN_THE_WAY * blocks
     label = semi_global(np.moveaxis(cost, 0, -1), CHANGE, CHANGE, _edges(view)).argmin(axis=-1)
     chosen = np.take_along_axis(depths, label[None], axis=0)[0]
     return SweptDepth(np.where(label > 0, chosen, found.depth), found.sure | (label > 0))

@@ -10,19 +10,35 @@ import pytest
 from graycard.io import _room
 from tiny_fits import TRACKS, fitted, pictures
 
+SMALL = {"iterations": 10, "surfels": 150, "fill": 0.0}
+CASES = {
+    **{name: (name, {}) for name in TRACKS},
+    "2dgs by stereo": ("2dgs", {"fill": 0.75, "surfels": 400}),
+    "sunfaded by stereo": ("sunfaded", {"fill": 0.75, "surfels": 400, "clearing": 0.9}),
+    "gsid by stereo": ("gsid", {"fill": 0.75, "surfels": 400}),
+    "goris with its shadow": ("goris", {"shadow": True, "distilled": True}),
+}
 
-@pytest.mark.parametrize("name", TRACKS)
-def test_a_fit_with_views_in_files_ends_with_the_same_bits(
-    name: str, make_scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = make_scene(track=TRACKS[name], train=4, test=1)
-    changes = {"iterations": 10, "surfels": 150, "fill": 0.0}
-    usual = pictures(fitted(name, scene, "cpu", **changes), scene)
+
+@pytest.fixture
+def files(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Bytes of all that lies in files from now on, as if there was no memory."""
     made: list[int] = []
     mapped = _room.mapped
     monkeypatch.setattr(_room, "SHARE", 0.0)
-    monkeypatch.setattr(_room, "SMALL", 0)
+    monkeypatch.setattr(_room, "SMALL", 256)  # bytes: less than a picture, more than a camera
     monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
     monkeypatch.setattr(_room, "mapped", lambda values: made.append(values.nbytes) or mapped(values))
-    assert np.array_equal(pictures(fitted(name, scene, "cpu", **changes), scene), usual)
-    assert len(made) >= 4, "a file or more of each view"
+    return made
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_fit_with_views_in_files_ends_with_the_same_bits(
+    case: str, make_scene: Callable[..., Path], request: pytest.FixtureRequest
+) -> None:
+    name, changes = CASES[case]
+    scene = make_scene(track=TRACKS[name], train=4, test=1)
+    usual = pictures(fitted(name, scene, "cpu", **SMALL | changes), scene)
+    files: list[int] = request.getfixturevalue("files")
+    assert np.array_equal(pictures(fitted(name, scene, "cpu", **SMALL | changes), scene), usual)
+    assert len(files) >= 4, "a file or more of each view"

@@ -6,7 +6,6 @@ import ctypes
 import resource
 import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 BLOCK = 1 << 14
@@ -32,12 +31,12 @@ def keep_freed_memory() -> bool:
     return _mallopt(_MMAP_THRESHOLD, _LARGEST) and _mallopt(_TRIM_THRESHOLD, _KEPT)
 
 
-@cache
 def hand_back_freed_memory() -> bool:
-    """Hand memory of large arrays back to the system when it is freed; undoes :func:`keep_freed_memory`.
+    """Hand memory of arrays of 1 MiB or more back to the system when it is freed, from now on.
 
-    Else much of it is lost where arrays of one size come and go while small ones stay. glibc before 2.38
-    finds no place for an aligned block, such as torch's, where one of its very size was.
+    :func:`keep_freed_memory` undoes it. Such arrays take longer to make then. But else much memory is lost
+    where arrays of one size come and go while small ones stay: glibc before 2.38 finds no place for an
+    aligned block, such as torch's, where one of its very size was.
 
     Returns:
         As of :func:`keep_freed_memory`.

@@ -3,6 +3,8 @@
 
 A photograph of 800 x 800 pixels takes 8 MB, with its layers some ten times as much, and a capture may have
 hundreds. The system reads pages of a mapped file when they are needed, and drops them when memory is short.
+Files lie in the folder of temporary files, ``TMPDIR``: on a disk, for what lies in memory itself (``tmpfs``)
+is not dropped.
 """
 
 from __future__ import annotations
@@ -12,20 +14,18 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
-from graycard.io._files import output_error
 from graycard.io._memory import hand_back_freed_memory
-from graycard.resources import usable_memory
+from graycard.resources import free_memory
 
 if TYPE_CHECKING:
     import torch
 
 SHARE = 1 / 32
-"""Share of the usable memory that one kind of record may take: a fit has about six of them at a time."""
+"""Share of the free memory that one kind of record may take: a fit has six to nine of them at a time."""
 SMALL = 1 << 16
 """Bytes up to which an array always stays in memory, such as a camera's."""
 
@@ -42,38 +42,67 @@ class Room:
             limit: Bytes that may stay in memory; None: a share of what this process may use.
         """
         self.left = int(SHARE * _memory()) if limit is None else limit
+        self.fails = False
 
     def keep(self, record: RecordT) -> RecordT:
         """Return a record with the same values, which are in memory or in a file.
 
+        Where no file can be written, as on a full disk, they stay in memory, and so does all that follows.
+
         Args:
-            record: An array, a tensor without gradient, or a dataclass, tuple or mapping of such. What is
-                neither, and what is on a GPU, stays as it is. Files are those of this process alone, have no
-                name, and go with their arrays.
+            record: An array, a tensor, or a dataclass, tuple or mapping of such. What is neither, arrays of
+                kinds that torch has not, and tensors on a GPU stay as they are. Fits on a GPU copy what they
+                look at to its memory. Files have no name, and go with their arrays.
 
         Raises:
-            OutputError: The folder of temporary files cannot be written to, or the disk is full.
+            ValueError: A tensor has a gradient.
         """
         return cast(RecordT, self._kept(record))
 
     def _kept(self, record: Any) -> Any:
         if _is_tensor(record):
-            of_cpu = record.device.type == "cpu"
-            fits = not of_cpu or self._fits(record.numel() * record.element_size())
-            return record if fits else mapped(record.detach().numpy())
+            return self._tensor(record)
         if isinstance(record, np.ndarray):
-            return record if self._fits(record.nbytes) else mapped(record).numpy()
+            return self._array(record)
         if is_dataclass(record) and not isinstance(record, type):
             parts = {one.name: getattr(record, one.name) for one in fields(record) if one.init}
-            found = {name: self._kept(value) for name, value in parts.items()}
-            changed = {name: value for name, value in found.items() if value is not parts[name]}
+            changed = {name: new for name, old in parts.items() if (new := self._kept(old)) is not old}
             return replace(record, **changed) if changed else record
         if isinstance(record, Mapping):
-            return {name: self._kept(value) for name, value in record.items()}
+            found = {name: self._kept(value) for name, value in record.items()}
+            return found if any(found[name] is not record[name] for name in found) else record
         if isinstance(record, tuple):
             values = [self._kept(value) for value in record]
+            if all(new is old for new, old in zip(values, record, strict=True)):
+                return record
             return type(record)(*values) if hasattr(record, "_fields") else tuple(values)
         return record
+
+    def _tensor(self, values: torch.Tensor) -> torch.Tensor:
+        if values.requires_grad:
+            raise ValueError("expected tensors without gradient, got one that has it")
+        if values.device.type != "cpu" or self._fits(values.numel() * values.element_size()):
+            return values
+        found = self._in_file(values.numpy())
+        return values if found is None else found
+
+    def _array(self, values: np.ndarray) -> np.ndarray:
+        if type(values) is not np.ndarray or values.dtype.kind not in "biuf" or not values.dtype.isnative:
+            return values
+        if self._fits(values.nbytes):
+            return values
+        found = self._in_file(values)
+        return values if found is None else found.numpy()
+
+    def _in_file(self, values: np.ndarray) -> torch.Tensor | None:
+        """Return what is mapped; None, from the first time on, where that fails."""
+        if self.fails:
+            return None
+        try:
+            return mapped(values)
+        except (OSError, RuntimeError):  # torch raises the latter where the system maps no more
+            self.fails = True
+            return None
 
     def _fits(self, size: int) -> bool:
         """Take room for so many bytes, if they stay in memory."""
@@ -84,9 +113,9 @@ class Room:
 
 
 def _memory() -> int:
-    """Return the memory that this process may use, in bytes: the limit of a fit counts, too."""
+    """Return the memory that this process may still use, in bytes: the limit of a fit counts, too."""
     limit, _ = resource.getrlimit(resource.RLIMIT_DATA)
-    return usable_memory() if limit == resource.RLIM_INFINITY else min(limit, usable_memory())
+    return free_memory() if limit == resource.RLIM_INFINITY else min(limit, free_memory())
 
 
 def _is_tensor(record: object) -> bool:
@@ -102,16 +131,15 @@ def mapped(values: np.ndarray) -> torch.Tensor:
     process.
 
     Raises:
-        OutputError: The folder of temporary files cannot be written to, or the disk is full.
+        OSError: The folder of temporary files cannot be written to, or the disk is full.
+        RuntimeError: The system maps no more files.
     """
     import torch  # NumPy's way to map a file holds it open, and a process may open a thousand
 
-    hand_back_freed_memory()  # memory is short, and the values that are mapped leave a hole
     dtype = torch.from_numpy(np.empty(0, values.dtype)).dtype
-    try:
-        with tempfile.NamedTemporaryFile(prefix="graycard-view-") as file:
-            file.write(np.ascontiguousarray(values).data)
-            file.flush()
-            return torch.from_file(file.name, True, values.size, dtype=dtype).view(values.shape)
-    except OSError as cause:
-        raise output_error(Path(tempfile.gettempdir()), cause) from cause
+    with tempfile.NamedTemporaryFile(prefix="graycard-view-") as file:
+        file.write(np.ascontiguousarray(values).data)
+        file.flush()
+        found = torch.from_file(file.name, True, values.size, dtype=dtype).view(values.shape)
+    hand_back_freed_memory()  # memory is short, and the values that were mapped leave a hole
+    return found
