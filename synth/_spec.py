@@ -29,6 +29,8 @@ DIRECTIONS = 256
 LambertGGX and rough conductors to about 1/500, the principled material, whose lobes cannot be asked for one
 by one, to about 1/100.
 """
+TRAINING_DIRECTIONS = 64
+"""The same of a training view with the needed layers alone: gauges are means over many pixels."""
 SUB_BUFFERS = 4
 """A radiance is the mean of this many independent images, and its variance is found from their spread."""
 
@@ -124,6 +126,11 @@ class RenderSettings:
         if split == "test" or not self.training_samples:
             return self
         return replace(self, samples=self.training_samples)
+
+    def directions(self, split: str) -> int:
+        """Return the directions that albedos of a split, ``train`` or ``test``, are found from."""
+        few = split == "train" and self.training_layers == "needed"
+        return TRAINING_DIRECTIONS if few else DIRECTIONS
 
     @property
     def centre_samples(self) -> int:

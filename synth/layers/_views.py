@@ -9,7 +9,7 @@ import numpy as np
 from graycard import Camera
 from graycard.layers import LOBES
 from graycard.synth._scene import Scene
-from graycard.synth._spec import SUB_BUFFERS, RenderSettings
+from graycard.synth._spec import SUB_BUFFERS, TRAINING_DIRECTIONS, RenderSettings
 from graycard.synth.layers._albedo import directional_albedo
 from graycard.synth.layers._effects import effect_layers, target_footprint
 from graycard.synth.layers._irradiance import light_layers
@@ -31,9 +31,6 @@ _EMPTIED_SURFACE = ("normal", "f0", "roughness")
 """Layers of what is behind the target."""
 _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 """Numbers of the seeds of what is estimated at the pixel centres."""
-
-_TRAINING_DIRECTIONS = 64
-"""Directions for the albedo of a training view: gauges are means over many pixels."""
 
 _OF_DEPTH = ("distance", "position")
 """Layers that whoever reads a view has from its depth and camera."""
@@ -114,7 +111,7 @@ def render_training_view(
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         of_albedo = _seed_of(seed, number, _CENTRE_SEEDS[0])
-        layers |= directional_albedo(whole, camera, of_albedo, _TRAINING_DIRECTIONS)
+        layers |= directional_albedo(whole, camera, of_albedo, TRAINING_DIRECTIONS)
     if scene.target:
         without = load_scene(scene, camera, scene.target)
         emptied = _emptied_layers(light_images(without, camera, seeds, settings), without, scene, camera)

@@ -63,9 +63,11 @@ def albedo_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
 
     Whole images at once: ``llvm_ad_rgb`` only.
     """
-    camera = rebuilt.scene.views[number].camera
+    view = rebuilt.scene.views[number]
     seed, *_ = _seeds(rebuilt, number, subject)
-    return directional_albedo(load_scene(rebuilt.scene, camera), camera, seed)["albedo"]
+    directions = rebuilt.settings.directions(view.split)
+    loaded = load_scene(rebuilt.scene, view.camera)
+    return directional_albedo(loaded, view.camera, seed, directions)["albedo"]
 
 
 def effects_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:

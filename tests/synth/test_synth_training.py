@@ -6,15 +6,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fault_planting import failures, reseal
-from graycard import DatasetError, Truth, View, open_truth
+from graycard import Camera, DatasetError, Truth, View, open_truth
 from graycard.colour import display_variance
 from graycard.io import read_json, read_layers, write_json, write_layers
 from graycard.synth import RenderSettings, SceneSpec, _spec, render_scene
+from graycard.synth._spec import DIRECTIONS, TRAINING_DIRECTIONS
 from graycard.synth.verify import verify_dataset
 from graycard.synth.verify._run import _chosen
 
@@ -121,13 +123,23 @@ def test_ceilings_are_told_apart_where_samples_differ(truths: dict[str, Truth]) 
     assert ceilings[0] < ceilings[1] - 3
 
 
-def test_such_scenes_are_verified(truths: dict[str, Truth]) -> None:
-    root = truths["noisy"].root
+def test_such_scenes_are_verified(truths: dict[str, Truth], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each albedo is held against one from as many directions: noise of others is not symmetric."""
+    from graycard.synth.verify import _second_rendering
+
+    root, asked, albedo_of = truths["noisy"].root, [], _second_rendering.directional_albedo
+
+    def albedo(loaded: Any, camera: Camera, seed: int, samples: int) -> dict[str, np.ndarray]:
+        asked.append(samples)
+        return albedo_of(loaded, camera, seed, samples)
+
+    monkeypatch.setattr(_second_rendering, "directional_albedo", albedo)
     assert root is not None
     verdict = verify_dataset(root.parents[2], views=2)
     assert [check for check in verdict.checks if check.status == "failed"] == []
     made = {check.name for check in verdict.checks if check.status == "passed"}
     assert {"radiance again: variance", "lights again: level"} <= made
+    assert asked == [TRAINING_DIRECTIONS, DIRECTIONS], "of a training view, and of a held-out one"
 
 
 def test_scenes_that_are_traced_in_bands_are_verified(
