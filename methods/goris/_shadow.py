@@ -328,14 +328,14 @@ def shares_left(
     light = light_found(seen.of(telling), brightness[telling], look_up(sky, directions))
     reached, tree = seen.emptied @ light, KDTree(points.numpy())
     light = light * sizes[:, None]
-    found = []
+    found, room = [], Room()
     for one in drawn:
         places, facing = one.points.reshape(-1, 3), one.normal.reshape(-1, 3)
         blocked = blocked_light(places, facing, directions, light, hiders)
         nearest = torch.from_numpy(tree.query(places.numpy())[1])
         share = 1 - blocked / reached[nearest].clamp(min=_DARK).maximum(blocked)
         covered = one.drawn.alpha.flatten()[:, None] > _COVERED
-        found.append(torch.where(covered, share, 1.0).reshape(one.diffuse.shape))
+        found.append(room.keep(torch.where(covered, share, 1.0).reshape(one.diffuse.shape)))
     return found
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import torch
 from scipy.spatial import KDTree
 
+from graycard.io import Room
 from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import Target, filled_views, own_targets
 from graycard.methods.removal._identity import (
@@ -79,7 +80,8 @@ def identified(task: FitTask[GroupingSettings], masks: list[np.ndarray], method:
         MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
     capture, settings, seed = task.capture, task.settings, task.seed
-    views, classes = photographs(capture, settings), [torch.from_numpy(mask).long() for mask in masks]
+    views, room = photographs(capture, settings), Room()
+    classes = [room.keep(torch.from_numpy(mask).long()) for mask in masks]
     looked_at = [(v.camera, part) for v, c in zip(views, classes, strict=True) for part in (v.encoded, c)]
     rates = learning_rates(task.extent, settings) | identity_rates(settings)
     checkpoint = fit_checkpoint(method, settings, seed, looked_at)

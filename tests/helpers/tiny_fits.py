@@ -37,7 +37,7 @@ def told(name: str, scene: Path, capture: Capture) -> methods.Priors:
     known, asks = {v.name: truth.layers(v) for v in truth.views}, methods.asks_of(methods.load_method(name))
     if not asks:
         return methods.Priors("oracle", known, truth.lights())
-    spec = PriorSpec("classical") if TRACKS[name] == "tabletop" else PriorSpec("oracle", 1)
+    spec = PriorSpec("classical") if TRACKS.get(name, "tabletop") == "tabletop" else PriorSpec("oracle", 1)
     asks = tuple(ask for ask in asks if ask.kind in ("light", "depth", "normal", "base_color", "inpainting"))
     return make_priors(spec, asks, capture, known, truth.lights())
 

@@ -16,6 +16,8 @@ CASES = {
     "2dgs by stereo": ("2dgs", {"fill": 0.75, "surfels": 400}),
     "sunfaded by stereo": ("sunfaded", {"fill": 0.75, "surfels": 400, "clearing": 0.9}),
     "gsid by stereo": ("gsid", {"fill": 0.75, "surfels": 400}),
+    "grouping": ("grouping", {}),
+    "removal of each view": ("removal-per-view", {}),
     "goris with its shadow": ("goris", {"shadow": True, "distilled": True}),
 }
 
@@ -37,7 +39,7 @@ def test_a_fit_with_views_in_files_ends_with_the_same_bits(
     case: str, make_scene: Callable[..., Path], request: pytest.FixtureRequest
 ) -> None:
     name, changes = CASES[case]
-    scene = make_scene(track=TRACKS[name], train=4, test=1)
+    scene = make_scene(track=TRACKS.get(name, "tabletop"), train=4, test=1)
     usual = pictures(fitted(name, scene, "cpu", **SMALL | changes), scene)
     files: list[int] = request.getfixturevalue("files")
     assert np.array_equal(pictures(fitted(name, scene, "cpu", **SMALL | changes), scene), usual)
