@@ -98,10 +98,11 @@ def samples_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Sample
     count = min(SAMPLES, sum(covered))
     chosen = np.random.default_rng(stage.seed).choice(sum(covered), count, replace=False)
     order = np.argsort(chosen)
-    ends = np.cumsum(covered)
+    ranked, ends = chosen[order], np.cumsum(covered)
     parts: list[tuple[torch.Tensor, ...]] = []
     for shot, end, size in zip(stage.shots, ends, covered, strict=True):
-        own = chosen[order[slice(*np.searchsorted(chosen[order], (end - size, end)))]] - (end - size)
+        first = end - size
+        own = ranked[slice(*np.searchsorted(ranked, (first, end)))] - first
         parts.append(_layers_at(shot, surface, torch.from_numpy(own)))
     place = torch.from_numpy(np.argsort(order))  # back in the order in which they were chosen
     points, normal, eye, opened, shadow, shown, *material = (

@@ -10,7 +10,7 @@ import pytest
 from graycard.io import _room
 from tiny_fits import TRACKS, fitted, pictures
 
-SMALL = {"iterations": 10, "surfels": 150, "fill": 0.0}
+QUICK = {"iterations": 10, "surfels": 150, "fill": 0.0}
 CASES = {
     **{name: (name, {}) for name in TRACKS},
     "2dgs by stereo": ("2dgs", {"fill": 0.75, "surfels": 400}),
@@ -40,7 +40,7 @@ def test_a_fit_with_views_in_files_ends_with_the_same_bits(
 ) -> None:
     name, changes = CASES[case]
     scene = make_scene(track=TRACKS.get(name, "tabletop"), train=4, test=1)
-    usual = pictures(fitted(name, scene, "cpu", **SMALL | changes), scene)
+    usual = pictures(fitted(name, scene, "cpu", **QUICK | changes), scene)
     files: list[int] = request.getfixturevalue("files")
-    assert np.array_equal(pictures(fitted(name, scene, "cpu", **SMALL | changes), scene), usual)
+    assert np.array_equal(pictures(fitted(name, scene, "cpu", **QUICK | changes), scene), usual)
     assert len(files) >= 4, "a file or more of each view"
