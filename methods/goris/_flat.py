@@ -7,7 +7,7 @@ of many heights along it the outline in one view is projected to other views by 
 silhouettes are in space carving (Kutulakos and Seitz 2000).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -58,6 +58,22 @@ class _Outline:
 
 
 @dataclass(frozen=True, eq=False)
+class _Told:
+    """What a prior tells of the surfaces in one view."""
+
+    normal: np.ndarray
+    """Shape ``(H, W, 3)``, world, float64."""
+    glossy: np.ndarray
+    """Shape ``(H, W)``, bool."""
+    known: np.ndarray
+    """Shape ``(H, W)``, bool: where it tells a normal."""
+
+    def faces(self, common: np.ndarray) -> np.ndarray:
+        """Return where normals are near another one, shape ``(H, W)``, bool."""
+        return self.normal @ common > np.cos(np.radians(SPREAD))
+
+
+@dataclass(frozen=True, eq=False)
 class FlatSurface:
     """A flat glossy surface in the training views."""
 
@@ -99,24 +115,24 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
         None where no prior tells normals or glossy surfaces, they are not flat, no height is accepted, or
         there are no points.
     """
-    glossy, normals, known, room = [], [], [], Room()
+    views, room = [], Room()
     for shot in shots:
         if not shot.told or shot.normal is None:
             return None
-        normals.append(room.keep(shot.normal.numpy().astype(np.float64)))
-        glossy.append(shot.glossy.numpy() > 0.5)
-        known.append((normals[-1] ** 2).sum(axis=-1) > 0.5)
-    told = np.concatenate([n[g & k] for n, g, k in zip(normals, glossy, known, strict=True)])
-    if min(len(told), len(points)) == 0:
+        normal = shot.normal.numpy().astype(np.float64)
+        known = (normal**2).sum(axis=-1) > 0.5
+        views.append(room.keep(_Told(normal, shot.glossy.numpy() > 0.5, known)))
+    count = sum(int((view.glossy & view.known).sum()) for view in views)
+    if min(count, len(points)) == 0:
         return None
-    common = np.median(told, axis=0)
+    common = _median(views)
     common /= max(float(np.linalg.norm(common)), 1e-12)
-    near = np.cos(np.radians(SPREAD))
-    if (told @ common > near).mean() < LEAST_FLAT:
+    flat = [room.keep(view.glossy & view.known & view.faces(common)) for view in views]
+    if sum(int(of.sum()) for of in flat) / count < LEAST_FLAT:
         return None
-    faces = [normal @ common > near for normal in normals]
-    flat = [g & k & f for g, k, f in zip(glossy, known, faces, strict=True)]
-    outlines = [_Outline(shot.photograph.camera, _hull(of)) for shot, of in zip(shots, flat, strict=True)]
+    outlines = [
+        room.keep(_Outline(shot.photograph.camera, _hull(of))) for shot, of in zip(shots, flat, strict=True)
+    ]
     height = _height(outlines, common, points @ common)
     if height is None:
         return None
@@ -125,16 +141,17 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
         room.keep(np.where(of & one.inside, plane_depth(one.camera, plane), np.nan))
         for of, one in zip(flat, outlines, strict=True)
     ]
-    seen = [np.isfinite(depth) for depth in depths]
-    places = [room.keep(one.camera.unproject(depth)) for one, depth in zip(outlines, depths, strict=True)]
-    places, leaning = (
-        np.concatenate([layer[where] for layer, where in zip(layers, seen, strict=True)])
-        for layers in (places, normals)
-    )
-    if _turn(places, leaning, common) > MOST_TURN:
+    if _turn(outlines, depths, views, common) > MOST_TURN:
         return None
-    mirrors = [g & (f | ~k) for g, f, k in zip(glossy, faces, known, strict=True)]
+    mirrors = [room.keep(view.glossy & (view.faces(common) | ~view.known)) for view in views]
     return FlatSurface(mirrors, depths, common)
+
+
+def _median(views: Sequence[_Told]) -> np.ndarray:
+    """Return the median of the normals of glossy pixels, shape ``(3,)``."""
+    room = Room()
+    parts = (room.joined(view.normal[view.glossy & view.known, axis] for view in views) for axis in range(3))
+    return np.array([np.median(part, overwrite_input=True) for part in parts])
 
 
 def _hull(flat: np.ndarray) -> np.ndarray:
@@ -160,17 +177,28 @@ def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray)
     return float(finer[np.argmax([agreement(outlines, normal, height) for height in finer])])
 
 
-def _turn(places: np.ndarray, normals: np.ndarray, common: np.ndarray) -> float:
+def _turn(
+    outlines: Sequence[_Outline], depths: Sequence[np.ndarray], views: Sequence[_Told], common: np.ndarray
+) -> float:
     """Turn of normals with position, degrees (root mean square).
 
     The components of normals along the plane are fitted by a linear function of position: on a sphere they
-    are one, and errors that do not depend on position drop out.
+    are one, and errors that do not depend on position drop out. Sums over views are enough for the fit.
     """
     along = np.linalg.svd(common[None])[2][1:]
-    place = (places - places.mean(axis=0)) @ along.T
-    lean = normals @ along.T
-    slope = np.linalg.lstsq(place, lean - lean.mean(axis=0), rcond=None)[0]
-    return float(np.degrees(np.sqrt(((place @ slope) ** 2).sum(axis=1).mean())))
+
+    def parts() -> Iterator[np.ndarray]:
+        """Yield places and normals along the plane, shape ``(N, 4)``, of each view."""
+        for one, depth, view in zip(outlines, depths, views, strict=True):
+            seen = np.isfinite(depth)
+            places = one.camera.unproject(depth)[seen]
+            yield np.concatenate([places @ along.T, view.normal[seen] @ along.T], axis=1)
+
+    count = sum(int(np.isfinite(depth).sum()) for depth in depths)
+    mean = np.sum([part.sum(axis=0) for part in parts()], axis=0) / count
+    spread = np.sum([(part - mean).T @ (part - mean) for part in parts()], axis=0) / count
+    slope = np.linalg.lstsq(spread[:2, :2], spread[:2, 2:], rcond=None)[0]
+    return float(np.degrees(np.sqrt(np.trace(slope.T @ spread[:2, :2] @ slope))))
 
 
 def agreement(outlines: Sequence[_Outline], normal: np.ndarray, height: float) -> float:

@@ -128,7 +128,9 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
             "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
             "begin with the sparse points alone"
         )
-    far = float(np.quantile(np.concatenate([one.depth[one.sure] for one in swept]), FAR))
+    all_sure = room.joined(one.depth[one.sure] for one in swept)
+    far = float(np.quantile(all_sure, FAR, overwrite_input=True))
+    del all_sure
     dense = []
     for camera, one, known in zip(cameras, swept, sure, strict=True):
         depth = np.where(one.sure, known, _guess(one))

@@ -53,7 +53,7 @@ def sweep_depths(views: Sequence[SweptView]) -> list[SweptDepth]:
     for number, found in enumerate(partners):
         others = [(views[p].camera, depths[p]) for p in found]
         sure = _agreed(views[number].camera, depths[number], others)
-        swept.append(SweptDepth(depths[number], sure))
+        swept.append(SweptDepth(depths[number], room.keep(sure)))
     return swept
 
 

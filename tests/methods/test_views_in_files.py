@@ -24,13 +24,13 @@ CASES = {
 
 @pytest.fixture
 def files(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Bytes of all that lies in files from now on, as if there was no memory."""
+    """Numbers of arrays in all files from now on, as if there was no memory."""
     made: list[int] = []
     mapped = _room.mapped
     monkeypatch.setattr(_room, "SHARE", 0.0)
     monkeypatch.setattr(_room, "SMALL", 256)  # bytes: less than a picture, more than a camera
     monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
-    monkeypatch.setattr(_room, "mapped", lambda values: made.append(values.nbytes) or mapped(values))
+    monkeypatch.setattr(_room, "mapped", lambda parts: made.append(len(parts)) or mapped(parts))
     return made
 
 

@@ -131,6 +131,26 @@ def test_files_have_no_names_and_go_with_their_tensors(
     assert str(tmp_path) not in Path("/proc/self/maps").read_text()
 
 
+@pytest.mark.parametrize("limit", [0, 1 << 40], ids=["in a file", "in memory"])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, bool])
+def test_parts_are_joined_as_by_numpy(limit: int, dtype: type) -> None:
+    random = np.random.default_rng(0)
+    parts = [(2 * random.random((rows, 200))).astype(dtype) for rows in (90, 0, 700, 1)]
+    found, wanted = Room(limit).joined(part.copy() for part in parts), np.concatenate(parts)
+    assert found.dtype == wanted.dtype
+    assert np.array_equal(found, wanted)
+    assert in_a_file(torch.from_numpy(found)) == (limit == 0)
+    found[:] = 0  # as a median that needs no copy does
+    assert parts[0].any()
+
+
+def test_one_part_is_copied_where_it_is_joined_with_none() -> None:
+    part = np.ones(LARGE)
+    found = Room(1 << 40).joined([part])
+    found[:] = 0
+    assert part.all()
+
+
 def test_without_a_folder_of_temporary_files_all_stays_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -148,6 +168,9 @@ def test_where_the_system_maps_no_more_all_stays_in_memory(monkeypatch: pytest.M
     monkeypatch.setattr(torch, "from_file", no_more)
     record = torch.rand(*LARGE)
     assert Room(0).keep(record) is record
+    assert np.array_equal(
+        Room(0).joined([record.numpy(), record.numpy()]), torch.cat([record, record]).numpy()
+    )
 
 
 def test_on_a_full_disk_all_stays_in_memory() -> None:
@@ -190,6 +213,8 @@ def test_memory_is_bounded_however_many_views_there_are(limit: str, ends: int) -
         "for number in range(40):\n"
         "    kept.append(room.keep(torch.full((1 << 20,), float(number))))\n"
         "assert [float(one[-1]) for one in kept] == list(range(40))\n"
+        "joined = room.joined(one.numpy() for one in kept)\n"
+        "assert joined[:: 1 << 20].tolist() == list(range(40))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == ends, done.stderr

@@ -9,10 +9,11 @@ is not dropped.
 
 from __future__ import annotations
 
+import math
 import resource
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -59,6 +60,19 @@ class Room:
         """
         return cast(RecordT, self._kept(record))
 
+    def joined(self, parts: Iterable[np.ndarray]) -> np.ndarray:
+        """Return what arrays hold, one after another along their first axis, as :func:`numpy.concatenate`.
+
+        Args:
+            parts: One or more of the same kind, as what each view knows. They are taken one by one, so a
+                generator need not hold them all.
+        """
+        kept = [self.keep(part) for part in parts]
+        if self._fits(sum(part.nbytes for part in kept)):
+            return np.concatenate(kept)
+        found = self._in_file(kept)
+        return np.concatenate(kept) if found is None else found.numpy()
+
     def _kept(self, record: Any) -> Any:
         if _is_tensor(record):
             return self._tensor(record)
@@ -83,7 +97,7 @@ class Room:
             raise ValueError("expected tensors without gradient, got one that has it")
         if values.device.type != "cpu" or self._fits(values.numel() * values.element_size()):
             return values
-        found = self._in_file(values.numpy())
+        found = self._in_file([values.numpy()])
         return values if found is None else found
 
     def _array(self, values: np.ndarray) -> np.ndarray:
@@ -91,15 +105,15 @@ class Room:
             return values
         if self._fits(values.nbytes):
             return values
-        found = self._in_file(values)
+        found = self._in_file([values])
         return values if found is None else found.numpy()
 
-    def _in_file(self, values: np.ndarray) -> torch.Tensor | None:
+    def _in_file(self, parts: Sequence[np.ndarray]) -> torch.Tensor | None:
         """Return what is mapped; None, from the first time on, where that fails."""
         if self.fails:
             return None
         try:
-            return mapped(values)
+            return mapped(parts)
         except (OSError, RuntimeError):  # torch raises the latter where the system maps no more
             self.fails = True
             return None
@@ -124,8 +138,8 @@ def _is_tensor(record: object) -> bool:
     return torch is not None and isinstance(record, torch.Tensor)
 
 
-def mapped(values: np.ndarray) -> torch.Tensor:
-    """Return a tensor of the same values, in C order, whose memory is a file without a name.
+def mapped(parts: Sequence[np.ndarray]) -> torch.Tensor:
+    """Return a tensor of what arrays hold, one after another, in C order, whose memory is a nameless file.
 
     The file is written before it is mapped: a write to a page for which the disk has no room would end the
     process.
@@ -136,10 +150,12 @@ def mapped(values: np.ndarray) -> torch.Tensor:
     """
     import torch  # NumPy's way to map a file holds it open, and a process may open a thousand
 
-    dtype = torch.from_numpy(np.empty(0, values.dtype)).dtype
+    dtype = torch.from_numpy(np.empty(0, parts[0].dtype)).dtype
+    shape = (sum(map(len, parts)), *parts[0].shape[1:])
     with tempfile.NamedTemporaryFile(prefix="graycard-view-") as file:
-        file.write(np.ascontiguousarray(values).data)
+        for part in parts:
+            file.write(np.ascontiguousarray(part).data)
         file.flush()
-        found = torch.from_file(file.name, True, values.size, dtype=dtype).view(values.shape)
+        found = torch.from_file(file.name, True, math.prod(shape), dtype=dtype).view(shape)
     hand_back_freed_memory()  # memory is short, and the values that were mapped leave a hole
     return found
