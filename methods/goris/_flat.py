@@ -59,7 +59,7 @@ class _Outline:
 
 @dataclass(frozen=True, eq=False)
 class _Told:
-    """What a prior tells of the surfaces in one view."""
+    """Answers of a prior on the surfaces in one view."""
 
     normal: np.ndarray
     """Shape ``(H, W, 3)``, world, float64."""
