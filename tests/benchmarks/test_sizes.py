@@ -45,7 +45,7 @@ from valid_runs import breaches, change
 RUN = run_of({"mine": {"psnr": [1.0, 2.0]}, "theirs": {"psnr": [0.0, 0.0]}})
 RENDER = {"width": 112, "height": 84, "train_views": 20, "test_views": 5}
 SMALL, LARGE = "112 x 112 pixels, 20 views", "256 x 256 pixels, 20 views"
-WHOLE_VIEWS = ("sizes-tabletop", "sizes-multilight", "claims-tabletop-hd")
+WHOLE_VIEWS = ("sizes-tabletop", "sizes-multilight", "claims-tabletop-hd", "claims-multilight-hd")
 """Suites whose steps with light draw a whole view of larger pictures, too."""
 IN_TILES = ("goris", "gsid", "gsir")
 """Methods whose steps with light draw a tile. The tiles of ``sunfaded`` are others: those of its light."""
