@@ -104,5 +104,7 @@ def _agreed(camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np
     """Return where enough other views have about the same depth for the same point, shape ``(H, W)``,
     bool.
     """
-    agree = [np.abs(depth_ratio(camera, depth, *other) - 1) < AGREEMENT for other in others]
-    return np.sum(agree, axis=0, initial=0) >= max(1, min(WITNESSES, len(others)))
+    agree = np.zeros(depth.shape, np.int64)
+    for other in others:
+        agree += np.abs(depth_ratio(camera, depth, *other) - 1) < AGREEMENT
+    return agree >= max(1, min(WITNESSES, len(others)))

@@ -10,6 +10,7 @@ import torch
 from graycard import Camera, MethodError, look_at
 from graycard.methods.surfels._fill import dense_depths
 from graycard.methods.surfels._ncc import SweptView
+from graycard.methods.surfels._planes import with_planes
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
 from graycard.methods.surfels._triangles import filled_depth
 
@@ -82,7 +83,22 @@ def test_views_that_look_elsewhere_say_nothing():
     alone = [views[0], SweptView(below, views[1].grey, 0.8, 2.5)]
     for found in sweep_depths(alone):
         assert np.isnan(found.depth).all()
+        assert found.sure.shape == found.depth.shape
         assert not found.sure.any()
+
+
+def test_a_view_that_looks_elsewhere_does_not_harm_the_others():
+    """One photograph of a capture may look where no other does."""
+    views, depths = views_of(tilted_plane)
+    below = Camera.from_fov(SIZE, SIZE, 40, look_at(np.array([0, 0, -1.5]), np.zeros(3), up=(0, 1, 0)))
+    views = [*views, SweptView(below, views[1].grey, 0.8, 2.5)]
+    swept = with_planes(views, sweep_depths(views), 0)
+    for found, true in zip(swept[:-1], depths, strict=True):
+        assert found.sure.mean() > 0.8
+        assert np.median(np.abs(found.depth / true - 1)[found.sure]) < 0.01
+    assert not swept[-1].sure.any()
+    dense = dense_depths([view.camera for view in views], swept)
+    assert all(np.isfinite(depth).all() for depth in dense)
 
 
 def test_between_points_of_a_plane_lies_the_plane():
