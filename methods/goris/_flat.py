@@ -149,8 +149,9 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
 
 def _median(views: Sequence[_Told]) -> np.ndarray:
     """Return the median of the normals of glossy pixels, shape ``(3,)``."""
-    room = Room()
-    parts = (room.joined(view.normal[view.glossy & view.known, axis] for view in views) for axis in range(3))
+    parts = (
+        Room().joined(view.normal[view.glossy & view.known, axis] for view in views) for axis in range(3)
+    )
     return np.array([np.median(part, overwrite_input=True) for part in parts])
 
 

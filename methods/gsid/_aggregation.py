@@ -101,7 +101,7 @@ def without_dim_lamps(state: FitState, stage: LightStage) -> FitState:
 
 
 def _trial_of(parameters: Parameters, stage: LightStage) -> "_Trial":
-    """Return the lights as they are, with views no larger than a tile."""
+    """Return the lights as they are, with views of no more than one and a half tiles a side."""
     whole = at_tile_size(stage, parameters)
     return _Trial(whole, at_half_size(whole, parameters), parameters)
 
@@ -111,7 +111,7 @@ class _Trial:
     """Lights, and how well they explain all views."""
 
     stage: LightStage
-    """Stage with views no larger than a tile."""
+    """Stage with views of no more than one and a half tiles a side."""
     half: LightStage
     """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters

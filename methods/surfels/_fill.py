@@ -128,7 +128,7 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
             "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
             "begin with the sparse points alone"
         )
-    all_sure = room.joined(one.depth[one.sure] for one in swept)
+    all_sure = Room().joined(one.depth[one.sure] for one in swept)
     far = float(np.quantile(all_sure, FAR, overwrite_input=True))
     del all_sure
     dense = []

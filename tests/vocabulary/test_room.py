@@ -136,19 +136,45 @@ def test_files_have_no_names_and_go_with_their_tensors(
 def test_parts_are_joined_as_by_numpy(limit: int, dtype: type) -> None:
     random = np.random.default_rng(0)
     parts = [(2 * random.random((rows, 200))).astype(dtype) for rows in (90, 0, 700, 1)]
-    found, wanted = Room(limit).joined(part.copy() for part in parts), np.concatenate(parts)
+    wanted, room = np.concatenate(parts), Room(limit)
+    found = room.joined(iter(parts))
     assert found.dtype == wanted.dtype
     assert np.array_equal(found, wanted)
     assert in_a_file(torch.from_numpy(found)) == (limit == 0)
-    found[:] = 0  # as a median that needs no copy does
-    assert parts[0].any()
+    assert room.left == max(0, limit - wanted.nbytes), "parts take no room once they are joined"
 
 
-def test_one_part_is_copied_where_it_is_joined_with_none() -> None:
+@pytest.mark.parametrize("limit", [0, 1 << 40], ids=["in a file", "in memory"])
+def test_one_part_is_copied(limit: int) -> None:
     part = np.ones(LARGE)
-    found = Room(1 << 40).joined([part])
-    found[:] = 0
+    found = Room(limit).joined([part])
+    found[:] = 0  # as a median that needs no copy does
     assert part.all()
+
+
+@pytest.mark.parametrize("dtype", [">f4", "U8"])
+def test_parts_of_other_kinds_are_joined_in_memory(dtype: str) -> None:
+    parts = [np.ones(LARGE).astype(dtype), np.zeros(LARGE).astype(dtype)]
+    assert np.array_equal(Room(0).joined(parts), np.concatenate(parts))
+
+
+def test_parts_that_differ_are_refused() -> None:
+    for other in (np.ones(LARGE, np.float32), np.ones((300, 401)), np.ones(300)):
+        with pytest.raises(ValueError, match="expected parts of one type and shape"):
+            Room(0).joined([np.ones(LARGE), other])
+
+
+def test_what_no_file_takes_is_joined_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk has place for the parts, and none for the whole."""
+    parts, mapped = [np.ones(LARGE), np.zeros(LARGE)], _room.mapped
+
+    def one_by_one(arrays: list[np.ndarray]) -> torch.Tensor:
+        if len(arrays) > 1:
+            raise OSError("No space left on device")
+        return mapped(arrays)
+
+    monkeypatch.setattr(_room, "mapped", one_by_one)
+    assert np.array_equal(Room(0).joined(parts), np.concatenate(parts))
 
 
 def test_without_a_folder_of_temporary_files_all_stays_in_memory(

@@ -64,13 +64,21 @@ class Room:
         """Return what arrays hold, one after another along their first axis, as :func:`numpy.concatenate`.
 
         Args:
-            parts: One or more of the same kind, as what each view knows. They are taken one by one, so a
-                generator need not hold them all.
+            parts: One or more, as what each view knows. They are taken one by one, and take room until they
+                are joined: a generator need not hold them all.
+
+        Raises:
+            ValueError: Types or shapes differ.
         """
+        left = self.left
         kept = [self.keep(part) for part in parts]
-        if self._fits(sum(part.nbytes for part in kept)):
-            return np.concatenate(kept)
-        found = self._in_file(kept)
+        taken = left - self.left
+        if len({(part.dtype, part.shape[1:]) for part in kept}) != 1:
+            raise ValueError(f"expected parts of one type and shape, got {[p.shape for p in kept]}")
+        found = None
+        if _is_mappable(kept[0]) and not self._fits(sum(part.nbytes for part in kept)):
+            found = self._in_file(kept)
+        self.left += taken
         return np.concatenate(kept) if found is None else found.numpy()
 
     def _kept(self, record: Any) -> Any:
@@ -101,9 +109,7 @@ class Room:
         return values if found is None else found
 
     def _array(self, values: np.ndarray) -> np.ndarray:
-        if type(values) is not np.ndarray or values.dtype.kind not in "biuf" or not values.dtype.isnative:
-            return values
-        if self._fits(values.nbytes):
+        if not _is_mappable(values) or self._fits(values.nbytes):
             return values
         found = self._in_file([values])
         return values if found is None else found.numpy()
@@ -136,6 +142,11 @@ def _is_tensor(record: object) -> bool:
     """Tell whether a record is a tensor; there is none where nobody has imported torch, which takes long."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(record, torch.Tensor)
+
+
+def _is_mappable(values: np.ndarray) -> bool:
+    """Tell whether torch has the kind of an array."""
+    return type(values) is np.ndarray and values.dtype.kind in "biuf" and values.dtype.isnative
 
 
 def mapped(parts: Sequence[np.ndarray]) -> torch.Tensor:

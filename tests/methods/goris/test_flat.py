@@ -11,6 +11,7 @@ import torch
 
 from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
 from graycard import Camera, look_at
+from graycard.io import _room
 from graycard.methods.goris import GorisSettings, _flat
 from graycard.methods.goris._flat import _Outline, agreement, flat_surface
 from graycard.methods.goris._training_views import TrainingView
@@ -104,6 +105,48 @@ def test_normals_that_turn_with_the_place_are_of_a_curved_surface(
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         shots[number] = replace(shot, normal=torch.from_numpy(np.nan_to_num(normal)).float())
     assert (flat_surface(shots, POINTS) is not None) == flat
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_turn_is_that_of_a_fit_to_all_pixels(seed: int):
+    random = np.random.default_rng(seed)
+    common = random.normal(size=3) / 3
+    common /= np.linalg.norm(common)
+    camera, shape = from_above(glossy_world()).cameras[0], (72, 88)
+    depths = [np.where(random.random(shape) > 0.5, random.uniform(1, 5, shape), np.nan) for _ in range(3)]
+    told = [
+        _flat._Told(common + random.normal(0, 0.1, (*shape, 3)), *np.ones((2, *shape), bool)) for _ in depths
+    ]
+    outlines = [_Outline(camera, np.ones(shape, bool))] * len(depths)
+    seen = [np.isfinite(depth) for depth in depths]
+    places = np.concatenate([camera.unproject(d)[s] for d, s in zip(depths, seen, strict=True)])
+    normals = np.concatenate([one.normal[s] for one, s in zip(told, seen, strict=True)])
+    along = np.linalg.svd(common[None])[2][1:]
+    place = (places - places.mean(axis=0)) @ along.T
+    lean = (normals - normals.mean(axis=0)) @ along.T
+    fitted = place @ np.linalg.lstsq(place, lean, rcond=None)[0]
+    wanted = np.degrees(np.sqrt((fitted**2).sum(axis=1).mean()))
+    assert _flat._turn(outlines, depths, told, common) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_flat_mirror_is_the_same_where_views_lie_in_files(
+    world: GlossyWorld, monkeypatch: pytest.MonkeyPatch
+):
+    shots = shots_of_world(from_above(world))
+    usual = flat_surface(shots, POINTS)
+    files: list[int] = []
+    mapped = _room.mapped
+    monkeypatch.setattr(_room, "SHARE", 0.0)
+    monkeypatch.setattr(_room, "SMALL", 256)
+    monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
+    monkeypatch.setattr(_room, "mapped", lambda parts: files.append(len(parts)) or mapped(parts))
+    found = flat_surface(shots, POINTS)
+    assert usual is not None
+    assert found is not None
+    assert files.count(len(shots)) == 3, "each component of the normals of all views in a file"
+    assert np.array_equal(found.normal, usual.normal)
+    assert np.array_equal(found.mirrors, usual.mirrors)
+    assert np.array_equal(found.depths, usual.depths, equal_nan=True)
 
 
 def test_what_faces_other_ways_is_not_glossy(world: GlossyWorld):
