@@ -3,7 +3,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from graycard.records import (
     PUBLISHED_PAGE,
     RUN_FILE,
     SUITE_FILE,
+    UNSEEN,
     Ledger,
     RunRecord,
     read_ledger,
@@ -25,7 +26,9 @@ from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
 
 
-def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -> float:
+def publish_run(
+    run: Path, folder: Path, limit_mib: float, shown: Shown = ALL, unseen: Sequence[str] = ()
+) -> float:
     """Write a folder that says what a run found, small enough for a repository.
 
     The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run. Where on a
@@ -36,6 +39,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -
         folder: A new or an empty one.
         limit_mib: MiB that it may have.
         shown: Methods and scenes whose pictures and single views the report has.
+        unseen: Scenes, as ``track/scene``, whose files nobody could look at; the record then names them.
 
     Returns:
         Its size in MiB.
@@ -49,7 +53,9 @@ def publish_run(run: Path, folder: Path, limit_mib: float, shown: Shown = ALL) -
     run = Path(run)
     record, ledger = read_run(run), ledger_of_run(run)
     _refuse_departures(record, Path(folder).parent)
-    content = {PUBLISHED_PAGE: report_of(run, shown), **_kept_records(run, ledger)}
+    told = {UNSEEN: list(unseen)} if unseen else {}
+    page = report_of(run, shown, replace(record, environment={**record.environment, **told}))
+    content = {PUBLISHED_PAGE: page, **_kept_records(run, ledger, told)}
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
     if whole > limit_mib:
@@ -96,9 +102,13 @@ def ledger_of_run(run: Path) -> Ledger | None:
     )
 
 
-def _kept_records(run: Path, ledger: Ledger | None) -> dict[str, bytes]:
-    """Return the files that are kept, by name; the comparison is none of them, as it follows from the run."""
+def _kept_records(run: Path, ledger: Ledger | None, told: Mapping[str, list[str]]) -> dict[str, bytes]:
+    """Return the files that are kept, by name, with what is told beside the environment of the run.
+
+    The comparison is none of them, as it follows from the run.
+    """
     record = read_json(run / RUN_FILE)
+    record["environment"] |= told
     record["scenes"] = [s | {"folder": f"dataset/{s['track']}/{s['scene']}"} for s in record["scenes"]]
     found = {RUN_FILE: _packed(record)}
     if (run / SUITE_FILE).is_file():

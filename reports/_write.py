@@ -62,9 +62,15 @@ def write_report(
     return path
 
 
-def report_of(run: Path, shown: Shown = ALL) -> bytes:
-    """Return the bytes of the report in one file; arguments and errors as in :func:`write_report`."""
-    return render_page(_page_of(run, shown)).encode()
+def report_of(run: Path, shown: Shown = ALL, record: RunRecord | None = None) -> bytes:
+    """Return the bytes of the report in one file; arguments and errors as in :func:`write_report`.
+
+    Args:
+        run: The run folder.
+        shown: Methods and scenes whose pictures it has.
+        record: What it tells of the run; None: what ``run.json`` does.
+    """
+    return render_page(_page_of(run, shown, record=record)).encode()
 
 
 def _page_of(

@@ -35,6 +35,8 @@ from graycard.io import silent
 from graycard.processes import named, narrowed
 from graycard.records import RunRecord, read_run
 
+OF_FILES = ("hashes", "gauge")
+"""Rules that ask for the files of scenes and fits."""
 RULES: dict[str, str] = {
     "counts": "every method has every score of every scene with every seed, of every view",
     "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
@@ -95,6 +97,13 @@ class Validity:
         if any(not breach.unknown for breach in self.breaches):
             return 1
         return 2 if self.breaches or not self.results else 0
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Scenes whose files, or those of their fits, are gone; none if there is more against the run."""
+        if any(not breach.unknown or breach.rule not in OF_FILES for breach in self.breaches):
+            return ()
+        return tuple(dict.fromkeys(breach.where.partition(" ")[0] for breach in self.breaches))
 
 
 def check_result(

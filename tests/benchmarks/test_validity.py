@@ -22,6 +22,7 @@ from graycard.lights import write_lights
 from graycard.predictions import finish_predictions, write_view
 from graycard.processes import AUDIT_HOOK, SECCOMP, landlock_version
 from graycard.records import COMPARISON, read_comparison
+from opened import opened
 from valid_runs import METHODS, breaches, change, score_in
 
 WHEEL = {"version": "0.1.0", "sha256": "0123456789abcdef" * 4, "changed": [], "commit": ""}
@@ -130,6 +131,63 @@ def test_only_a_valid_run_is_published(run: Path, tmp_path: Path, capsys: pytest
     assert "broken: origin: environment: expected the git commit" in found.err
     assert found.out.splitlines()[-1] == "publish: nothing written, the run is no valid result"
     assert not (tmp_path / "other").exists()
+
+
+def scene_folders(run: Path) -> dict[str, Path]:
+    """Return the folder of each scene by its track and name."""
+    scenes = read_json(run / "run.json")["scenes"]
+    return {f"{scene['track']}/{scene['scene']}": run / scene["folder"] for scene in scenes}
+
+
+@pytest.mark.parametrize("gone", ["dataset", "jobs", "both"])
+def test_a_run_of_two_machines_is_published_by_an_option(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], gone: str
+):
+    """Its record says of which scenes nobody looked at files."""
+    name, folder = next(iter(scene_folders(run).items()))
+    for what, place in {"dataset": folder, "jobs": run / "jobs" / name}.items():
+        if gone in (what, "both"):
+            shutil.rmtree(place)
+    out = tmp_path / "published"
+    assert main(["publish", str(run), "--out", str(out), "--pictures", METHODS[0]]) == 2
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.endswith("no valid result. Of 1 of 2 scenes files are gone: see --without-files")
+    assert not out.exists()
+    assert main(["publish", str(run), "--out", str(out), "--pictures", METHODS[0], "--without-files"]) == 0
+    found = capsys.readouterr()
+    assert found.out.splitlines()[-1].endswith(f" MiB, 6 fits, without files of {name}")
+    told, own = read_json(out / "run.json"), read_json(run / "run.json")
+    assert told["environment"].pop("files_not_looked_at") == [name]
+    assert told == own
+    assert re.search(rf"files not looked at.{{0,200}}{name}", opened((out / "index.html").read_text()), re.S)
+    assert main(["check-result", str(out)]) == 2
+    assert f"Files of {name} were gone then, and are not vouched for." in capsys.readouterr().out
+
+
+def test_without_files_excuses_nothing_else(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Neither what is broken, nor other evidence, nor files of all scenes."""
+    publish = ["publish", str(run), "--out", str(tmp_path / "published"), "--without-files"]
+    folder, other = scene_folders(run).values()
+    shutil.move(folder, tmp_path / "kept")
+    image = next((other / "truth" / "views").iterdir())
+    content = image.read_bytes()
+    image.write_bytes(content + b"more")
+    assert main(publish) == 1
+    image.write_bytes(content)
+    record = (run / "run.json").read_bytes()
+    change(run, lambda data: data["environment"].update(git_commit=None))
+    assert main(publish) == 1
+    (run / "run.json").write_bytes(record)
+    comparison = (run / COMPARISON).read_bytes()
+    (run / COMPARISON).unlink()
+    assert main(publish) == 2
+    (run / COMPARISON).write_bytes(comparison)
+    shutil.rmtree(other)
+    assert main(publish) == 2
+    assert "see --without-files" not in capsys.readouterr().out
+    assert not (tmp_path / "published").exists()
+    shutil.move(tmp_path / "kept", folder)
+    assert main(publish) == 0
 
 
 def test_a_folder_without_a_run_cannot_be_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -369,7 +369,7 @@ def test_numbers_of_both_formats_of_ledgers_are_kept():
 
 def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
     """And a refusal leaves neither folder nor entry."""
-    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures, record: b"")
     run = kept / "run"
     shutil.copytree(tiny_run, run)
     write_json(run / CLAIMS, whole_ledger("contradicted", run))
@@ -394,7 +394,7 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
 
 
 def test_a_history_begins_as_the_docs_say(tmp_path: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures, record: b"")
     assert '`history.json` with `{"entries": []}`' in (ROOT / "docs" / "results" / "history.md").read_text(
         encoding="utf-8"
     )

@@ -60,7 +60,7 @@ def test_scenes_that_are_not_asked_for_have_tables_alone(tiny_run: Path, tmp_pat
 def test_where_the_dataset_stood_is_nobodys_business(
     tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, shown: b"")
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, shown, record: b"")
     shutil.copytree(tiny_run, tmp_path / "run")
     record = read_json(tiny_run / "run.json")
     folders = [scene["folder"] for scene in record["scenes"]]
@@ -82,7 +82,7 @@ def write_ledger(run: Path, **changed: Any) -> None:
 @pytest.fixture
 def run_alone(tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a run folder of its own; its report is not made."""
-    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures, record: b"")
     (tmp_path / "run").mkdir()
     shutil.copy(tiny_run / "run.json", tmp_path / "run")
     return tmp_path / "run"

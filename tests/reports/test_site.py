@@ -75,7 +75,7 @@ def own_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def publish(run: Path, folder: Path) -> None:
     """Publish a run with an empty report."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+        patch.setattr("graycard.reports._publish.report_of", lambda run, pictures, record: b"")
         publish_run(run, folder, 100)
 
 

@@ -19,6 +19,7 @@ from graycard.io import sha256, write_json
 from graycard.records import (
     COMPARISON,
     RUN_FILE,
+    UNSEEN,
     Comparison,
     MethodStanding,
     MetricComparison,
@@ -136,11 +137,13 @@ class CheckResultCommand:
 
 
 def _vouched(run: Path, found: Validity) -> str:
-    """Say what tells that a published record is as it was published."""
+    """Say what tells that a published record is as it was published, and what nobody looked at then."""
+    unseen = read_run(run).environment.get(UNSEEN)
+    lacking = f"Files of {', '.join(unseen)} were gone then, and are not vouched for. " if unseen else ""
     if found.in_history:
-        return "The history beside it keeps a hash of run.json, which was compared"
+        return f"{lacking}The history beside it keeps a hash of run.json, which was compared"
     digest = sha256(run / RUN_FILE)
-    return f"Nothing here tells whether run.json is as it was then: compare its SHA-256, {digest}"
+    return f"{lacking}Nothing here tells whether run.json is as it was then: compare its SHA-256, {digest}"
 
 
 @dataclass(frozen=True)
@@ -158,6 +161,8 @@ class PublishCommand:
     """Embed pictures and values of single views of these scenes only; of all by default."""
     limit_mib: float = 20.0
     """Fail if the folder would be larger."""
+    without_files: bool = False
+    """Publish though files of some scenes are gone, as those of another machine. The record names them."""
     salt: SaltFile = None
     """The salt of secret scenes, which only proves that they are the right ones: it is not published."""
     json: Json = None
@@ -171,17 +176,26 @@ class PublishCommand:
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         with terminal.progress(f"checking {self.run_folder}") as progress:
             found = check_result(self.run_folder, progress, salt=salt)
-        for breach in found.breaches:
+        scenes = {f"{scene.track}/{scene.scene}" for scene in read_run(self.run_folder).scenes}
+        some = found.unseen if set(found.unseen) < scenes else ()
+        unseen = some if self.without_files else ()
+        for breach in () if unseen else found.breaches:
             terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
-        if found.exit_code:
+        if found.exit_code and not unseen:
             write_optional_json(self.json, {"folder": None, "validity": found})
-            terminal.out.print("publish: nothing written, the run is no valid result")
+            hint = (
+                f". Of {len(some)} of {len(scenes)} scenes files are gone: see --without-files"
+                if some
+                else ""
+            )
+            terminal.out.print(f"publish: nothing written, the run is no valid result{hint}")
             return found.exit_code
         shown = Shown(self.pictures or None, self.scenes or None)
-        size = publish_run(self.run_folder, self.out, self.limit_mib, shown)
+        size = publish_run(self.run_folder, self.out, self.limit_mib, shown, unseen)
         write_optional_json(self.json, {"folder": self.out, "mib": size, "validity": found})
         part = f", {found.part}" if found.part else ""
-        terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
+        told = f", without files of {', '.join(unseen)}" if unseen else ""
+        terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}{told}")
         return OK
 
 

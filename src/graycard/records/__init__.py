@@ -40,6 +40,7 @@ from graycard.records._run import EARLIER as EARLIER
 from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import RUN_FILE as RUN_FILE
+from graycard.records._run import UNSEEN as UNSEEN
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance

@@ -27,6 +27,8 @@ from graycard.records._size import Size, departures
 RUN_FILE = "run.json"
 EARLIER = "earlier"
 """Key in the environment of a record: where results were made that an earlier bench of the folder left."""
+UNSEEN = "files_not_looked_at"
+"""Key in the environment of a published record: scenes whose files were gone when it was published."""
 PUBLISHED_PAGE = "index.html"
 """The report in a published folder; a run has its own in a folder of that name."""
 RECORD_VERSION = 2
@@ -255,10 +257,8 @@ class RunRecord:
     metrics: tuple[MetricRecord, ...]
     results: tuple[JobResult, ...]
     environment: Mapping[str, Any]
-    """Package versions, git commit, hardware, renderer variant; of the last bench of the folder.
-
-    ``earlier`` lists those of other benches of which it has results, with ``jobs``, the beginnings of their
-    hashes."""
+    """Package versions, git commit, hardware, renderer variant; of the last bench of the folder. ``earlier``
+    lists those of others that made results, with ``jobs``, beginnings of their hashes. See ``UNSEEN``."""
     started: str
     """UTC, ISO 8601."""
     wall_s: float
