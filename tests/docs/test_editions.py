@@ -17,20 +17,17 @@ from docs_of_editions import (
     whole_block,
 )
 from docs_of_reference import DOCS
-from graycard.benchmarks import load_suite
-from graycard.io import read_json, sha256
-from graycard.records import CLAIMS, read_ledger, read_run
+from graycard.io import sha256
+from graycard.records import UNSEEN, read_ledger, read_run
 from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
-from graycard.synth import scene_name
 from published import LARGE, SECOND, SIZES, folders_of_large, folders_of_second
 from written_blocks import told_and_wanted
 
 PAGE = DOCS / "results" / "second.md"
 FOLDERS = folders_of_second()
 SEALED = [*FOLDERS, *folders_of_large()]
-UNFINISHED = sorted(path.parent for path in (OWN.parent / "unfinished").glob("*/run.json"))
-HELD_AGAINST = {"dark-hd": SECOND / "dark-sealed-2"}
+HELD_AGAINST = {"dark-hd": SECOND / "dark-sealed-2", "tabletop-hd": SECOND / "tabletop-sealed"}
 """The run of small pictures beside each run of large ones, by its name."""
 
 
@@ -67,6 +64,19 @@ def test_the_page_says_rightly_which_verdicts_stand_on_larger_pictures():
     assert "S1 and S14 have the verdicts that they have at 112 pixels." in PAGE.read_text(encoding="utf-8")
 
 
+def test_the_page_says_rightly_what_larger_pictures_say_of_tables():
+    large, small = claims_in(LARGE / "tabletop-hd"), claims_in(HELD_AGAINST["tabletop-hd"])
+    tested = {name: claim.verdict for name, claim in large.items() if is_decided(claim)}
+    assert tested == {"R1": "reproduced", "R14": "holds"} == {name: small[name].verdict for name in tested}
+    assert large["R15"].verdict == small["R15"].verdict == "open"
+    run = read_run(LARGE / "tabletop-hd")
+    unseen = run.environment[UNSEEN]
+    assert list(unseen) == [f"tabletop/{scene.scene}" for scene in run.scenes[:5]]
+    assert {one["git_commit"] for one in run.environments} == {"9cf7e72f2ba2"}
+    assert [one["cpu"] for one in run.environments] == ["AMD EPYC", "Intel(R) Xeon(R) Processor"]
+    assert "R1 and R14 have the verdicts that they have at 112 pixels." in PAGE.read_text(encoding="utf-8")
+
+
 def test_runs_of_one_size_are_not_held_against_each_other():
     folder = HELD_AGAINST["dark-hd"]
     with pytest.raises(ValueError, match="expected runs of two sizes of pictures, got 112 x 112"):
@@ -92,29 +102,8 @@ def test_published_runs_take_60_megabytes_of_git():
 
 
 def test_no_two_runs_of_a_track_share_a_sealed_scene():
-    runs = [(s.track, s.seed) for folder in (*SEALED, *UNFINISHED) for s in read_run(folder).scenes]
+    runs = [(s.track, s.seed) for folder in SEALED for s in read_run(folder).scenes]
     assert len(set(runs)) == len(runs)
-
-
-@pytest.mark.parametrize("folder", UNFINISHED, ids=lambda folder: folder.name)
-def test_a_run_that_is_not_whole_has_no_ledger(folder: Path):
-    """It has some of the sealed scenes of its suite, all rows on each, and the page says how to go on."""
-    run, suite = read_run(folder), load_suite(read_json(folder / "suite.json")["name"])
-    assert not (folder / CLAIMS).exists()
-    assert run.edition is not None
-    assert suite.sealed is not None
-    assert run.suite_version == suite.version
-    sealed = [scene_name(spec) for spec in suite.sealed.drawn()]
-    done = [scene.scene for scene in run.scenes]
-    assert [name for name in sealed if name in done] == done
-    left = [name for name in sealed if name not in done]
-    assert left, "publish it"
-    each = [{r.job.method for r in run.results if r.job.scene == name} for name in done]
-    assert each == [{method.name for method in run.methods}] * len(done)
-    assert all(result.status == "done" for result in run.results)
-    words = (folder.parent / "README.md").read_text(encoding="utf-8").split()
-    assert [word for word in words if word in left] == left
-    assert {run.edition.commit[:8], f"`{run.edition.tag}`,"} <= set(words)
 
 
 def test_a_claim_is_decided_where_nine_refits_in_ten_agree():

@@ -115,7 +115,7 @@ def means_block(folders: Mapping[str, Path]) -> str:
 
 def steps_of(run: RunRecord) -> int:
     """Return the steps of each fit of a run."""
-    found = {result.job.settings["iterations"] for result in run.results if result.job.method == "darkgs"}
+    found = {r.job.settings["iterations"] for r in run.results if "iterations" in r.job.settings}
     assert len(found) == 1, f"expected fits of as many steps, got {found}"
     return found.pop()
 
