@@ -19,6 +19,7 @@ from graycard.methods.priors import told_exactly
 from graycard.records import (
     EARLIER,
     RUN_FILE,
+    UNSEEN,
     Edition,
     Job,
     JobResult,
@@ -33,7 +34,7 @@ from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe, sce
 
 _AS_SUITE = Size()
 
-_HASH = 12
+BEGINNING = 12
 """Digits of a hash that tell jobs apart."""
 
 
@@ -255,7 +256,7 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
     """Return a record that also says where its results were made that an earlier bench of the folder left.
 
     ``earlier`` in its environment has each such environment that differs from its own. Beginnings of the
-    hashes of these results are its ``jobs``.
+    hashes of these results are its ``jobs``, where all places of the record before have them.
 
     Args:
         record: The whole, with the results that were kept or found done.
@@ -263,17 +264,23 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
     """
     own, last = (to_builtins(dict(one.environment)) for one in (record, before))
     own.pop(EARLIER, None)
+    last.pop(UNSEEN, None)  # said of the record, not of the place
     places: list[dict[str, Any]] = list(last.pop(EARLIER, None) or ())
     known = {job for place in places for job in place.get("jobs", ())}
-    made = [result.job_hash[:_HASH] for result in before.results if result.cost]
-    places.append({**last, "jobs": [job for job in made if job not in known]})
+    made = [result.job_hash[:BEGINNING] for result in before.results if result.cost]
+    if all("jobs" in place for place in places):
+        last["jobs"] = [job for job in made if job not in known]
+    places.append(last)
     there = {(_key(r.job), r.job_hash): r.cost for r in before.results if r.cost}
     kept = [r for r in record.results if r.cost and there.get((_key(r.job), r.job_hash)) == r.cost]
-    stays = {result.job_hash[:_HASH] for result in kept}  # one that was made anew took another time
+    stays = {result.job_hash[:BEGINNING] for result in kept}  # one that was made anew took another time
     found: list[dict[str, Any]] = []
     for place in places:
+        if "jobs" not in place:  # an older record told of none
+            found += [place] if stays and place != own and place not in found else []
+            continue
         jobs = [job for job in place.pop("jobs", ()) if job in stays]
-        alike = [one for one in found if {**one, "jobs": None} == {**place, "jobs": None}]
+        alike = [one for one in found if {**one, "jobs": 0} == {**place, "jobs": 0} and "jobs" in one]
         if alike:
             alike[0]["jobs"] += jobs
         elif jobs and place != own:

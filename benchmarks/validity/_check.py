@@ -31,12 +31,11 @@ from graycard.benchmarks.validity._record import (
 )
 from graycard.benchmarks.validity._secret import secret_breaches
 from graycard.benchmarks.validity._suite import Standard, part_of, standard_of, suite_breaches
+from graycard.benchmarks.validity._unseen import unseen_scenes
 from graycard.io import silent
 from graycard.processes import named, narrowed
 from graycard.records import RunRecord, read_run
 
-OF_FILES = ("hashes", "gauge")
-"""Rules that ask for the files of scenes and fits."""
 RULES: dict[str, str] = {
     "counts": "every method has every score of every scene with every seed, of every view",
     "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
@@ -90,6 +89,8 @@ class Validity:
     """Rows of predictions that other code has made, and nobody watched."""
     in_history: bool = False
     """True where a history beside a published run keeps its hash and its verdicts."""
+    unseen: tuple[str, ...] = ()
+    """Scenes that were run elsewhere and have no file here, where these files are all that lacks."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:
@@ -97,13 +98,6 @@ class Validity:
         if any(not breach.unknown for breach in self.breaches):
             return 1
         return 2 if self.breaches or not self.results else 0
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """Scenes whose files, or those of their fits, are gone; none if there is more against the run."""
-        if any(not breach.unknown or breach.rule not in OF_FILES for breach in self.breaches):
-            return ()
-        return tuple(dict.fromkeys(breach.where.partition(" ")[0] for breach in self.breaches))
 
 
 def check_result(
@@ -144,7 +138,9 @@ def check_result(
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
     seen = len(record.results), ways_of(record), tellers_of(record), record.submitted
-    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen, in_history=in_history)
+    breaches = tuple(dict.fromkeys(found))
+    unseen = unseen_scenes(record, run, breaches)
+    return Validity(breaches, rules, standard.says, part, *seen, in_history=in_history, unseen=unseen)
 
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:

@@ -11,7 +11,7 @@ import pytest
 
 from graycard import GraycardError, UnknownNameError
 from graycard.benchmarks import check_result, load_suite, narrow, opened
-from graycard.benchmarks._run_record import joined
+from graycard.benchmarks._run_record import joined, with_places_before
 from graycard.cli import main
 from graycard.io import read_json
 from graycard.records import RunRecord, SceneRecord, read_run
@@ -110,6 +110,21 @@ def test_a_record_alone_carries_earlier_scenes_to_another_machine(
     assert {("cpu", "of the first machine"), ("jobs", "5")} <= set(told["Earlier"])
     assert main(command(there, 1)) == 0
     assert [place["cpu"] for place in read_run(there).environment["earlier"]] == ["of the first machine"]
+
+
+def test_places_that_tell_of_no_jobs_stay(made_run: Path) -> None:
+    """Keep those of records from before places told of jobs: their own jobs are not known either."""
+    valid = read_run(made_run)
+    first = {**valid.environment, "cpu": "of the first machine"}
+    before = replace(
+        valid, environment={**valid.environment, "earlier": [first], "files_not_looked_at": ["a"]}
+    )
+    here = replace(valid, environment={**valid.environment, "cpu": "here"})
+    found = with_places_before(here, before)
+    assert found.environment == {**here.environment, "earlier": [first, dict(valid.environment)]}
+    assert with_places_before(here, found).environment == found.environment
+    back = with_places_before(valid, found)
+    assert back.environment == {**valid.environment, "earlier": [first, dict(here.environment)]}
 
 
 def test_no_environment_is_kept_of_results_that_are_all_made_anew(

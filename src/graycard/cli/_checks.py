@@ -125,7 +125,7 @@ class CheckResultCommand:
             unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
             says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
             terminal.out.print(
-                "published: scenes and predictions are not kept. `graycard publish` takes valid runs alone. "
+                "published: scenes and predictions are not kept; `graycard publish` looked at them. "
                 + _vouched(self.run_folder, found)
             )
         part = f", {found.part}" if found.part else ""
@@ -139,7 +139,7 @@ class CheckResultCommand:
 def _vouched(run: Path, found: Validity) -> str:
     """Say what tells that a published record is as it was published, and what nobody looked at then."""
     unseen = read_run(run).environment.get(UNSEEN)
-    lacking = f"Files of {', '.join(unseen)} were gone then, and are not vouched for. " if unseen else ""
+    lacking = f"Nobody looked at files or seeds of {', '.join(unseen)}. " if unseen else ""
     if found.in_history:
         return f"{lacking}The history beside it keeps a hash of run.json, which was compared"
     digest = sha256(run / RUN_FILE)
@@ -148,7 +148,10 @@ def _vouched(run: Path, found: Validity) -> str:
 
 @dataclass(frozen=True)
 class PublishCommand:
-    """Keep the records and the report of a valid run, without scenes and predictions."""
+    """Keep the records and the report of a valid run, without scenes and predictions.
+
+    A run whose parts were made on several machines has no files of some scenes: see --without-files.
+    """
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder, with its scenes and predictions."""
@@ -162,7 +165,8 @@ class PublishCommand:
     limit_mib: float = 20.0
     """Fail if the folder would be larger."""
     without_files: bool = False
-    """Publish though files of some scenes are gone, as those of another machine. The record names them."""
+    """Publish though scenes that an earlier bench ran elsewhere have no file here. The record names them. One
+    scene has to be here, and nothing else may lack."""
     salt: SaltFile = None
     """The salt of secret scenes, which only proves that they are the right ones: it is not published."""
     json: Json = None
@@ -176,18 +180,13 @@ class PublishCommand:
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         with terminal.progress(f"checking {self.run_folder}") as progress:
             found = check_result(self.run_folder, progress, salt=salt)
-        scenes = {f"{scene.track}/{scene.scene}" for scene in read_run(self.run_folder).scenes}
-        some = found.unseen if set(found.unseen) < scenes else ()
-        unseen = some if self.without_files else ()
+        unseen = found.unseen if self.without_files else ()
         for breach in () if unseen else found.breaches:
             terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
         if found.exit_code and not unseen:
             write_optional_json(self.json, {"folder": None, "validity": found})
-            hint = (
-                f". Of {len(some)} of {len(scenes)} scenes files are gone: see --without-files"
-                if some
-                else ""
-            )
+            absent = len(found.unseen)
+            hint = f". {absent} of its scenes have no files here: see --without-files" if absent else ""
             terminal.out.print(f"publish: nothing written, the run is no valid result{hint}")
             return found.exit_code
         shown = Shown(self.pictures or None, self.scenes or None)

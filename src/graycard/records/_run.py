@@ -258,7 +258,7 @@ class RunRecord:
     results: tuple[JobResult, ...]
     environment: Mapping[str, Any]
     """Package versions, git commit, hardware, renderer variant; of the last bench of the folder. ``earlier``
-    lists those of others that made results, with ``jobs``, beginnings of their hashes. See ``UNSEEN``."""
+    lists those of others that made results, with ``jobs``, beginnings of their hashes."""
     started: str
     """UTC, ISO 8601."""
     wall_s: float
