@@ -125,7 +125,7 @@ class CheckResultCommand:
             unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
             says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
             terminal.out.print(
-                "published: scenes and predictions are not kept; `graycard publish` looked at them. "
+                "published: scenes and predictions are not kept. `graycard publish` looked at them. "
                 + _vouched(self.run_folder, found)
             )
         part = f", {found.part}" if found.part else ""
@@ -148,10 +148,7 @@ def _vouched(run: Path, found: Validity) -> str:
 
 @dataclass(frozen=True)
 class PublishCommand:
-    """Keep the records and the report of a valid run, without scenes and predictions.
-
-    A run whose parts were made on several machines has no files of some scenes: see --without-files.
-    """
+    """Keep the records and the report of a valid run, without scenes and predictions."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder, with its scenes and predictions."""
