@@ -277,7 +277,8 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
     found: list[dict[str, Any]] = []
     for place in places:
         if "jobs" not in place:  # an older record told of none
-            found += [place] if stays and place != own and place not in found else []
+            if stays and place != own and place not in found:
+                found.append(place)
             continue
         jobs = [job for job in place.pop("jobs", ()) if job in stays]
         alike = [one for one in found if {**one, "jobs": 0} == {**place, "jobs": 0} and "jobs" in one]

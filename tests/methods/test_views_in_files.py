@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graycard.io import _room
+from rooms_in_files import all_in_files
 from tiny_fits import TRACKS, fitted, pictures
 
 QUICK = {"iterations": 10, "surfels": 150, "fill": 0.0}
@@ -25,13 +25,7 @@ CASES = {
 @pytest.fixture
 def files(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Numbers of arrays in all files from now on, as if there was no memory."""
-    made: list[int] = []
-    mapped = _room.mapped
-    monkeypatch.setattr(_room, "SHARE", 0.0)
-    monkeypatch.setattr(_room, "SMALL", 256)  # bytes: less than a picture, more than a camera
-    monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
-    monkeypatch.setattr(_room, "mapped", lambda parts: made.append(len(parts)) or mapped(parts))
-    return made
+    return all_in_files(monkeypatch)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -125,8 +125,7 @@ class CheckResultCommand:
             unknown = list(dict.fromkeys(breach.rule for breach in found.breaches))
             says[2] = f"the records break no rule; {', '.join(unknown)} cannot be looked at again"
             terminal.out.print(
-                "published: scenes and predictions are not kept. `graycard publish` looked at them. "
-                + _vouched(self.run_folder, found)
+                "published: scenes and predictions are not kept. " + _vouched(self.run_folder, found)
             )
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
@@ -139,11 +138,12 @@ class CheckResultCommand:
 def _vouched(run: Path, found: Validity) -> str:
     """Say what tells that a published record is as it was published, and what nobody looked at then."""
     unseen = read_run(run).environment.get(UNSEEN)
-    lacking = f"Nobody looked at files or seeds of {', '.join(unseen)}. " if unseen else ""
+    but = f", but for those of {', '.join(unseen)}" if unseen else ""
+    looked = f"`graycard publish` looked at them{but}"
     if found.in_history:
-        return f"{lacking}The history beside it keeps a hash of run.json, which was compared"
+        return f"{looked}. The history beside it keeps a hash of run.json, which was compared"
     digest = sha256(run / RUN_FILE)
-    return f"{lacking}Nothing here tells whether run.json is as it was then: compare its SHA-256, {digest}"
+    return f"{looked}. Nothing here tells whether run.json is as it was then: compare its SHA-256, {digest}"
 
 
 @dataclass(frozen=True)

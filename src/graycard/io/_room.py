@@ -155,6 +155,9 @@ def mapped(parts: Sequence[np.ndarray]) -> torch.Tensor:
     The file is written before it is mapped: a write to a page for which the disk has no room would end the
     process.
 
+    Args:
+        parts: One or more of one type, whose shapes differ along the first axis alone.
+
     Raises:
         OSError: The folder of temporary files cannot be written to, or the disk is full.
         RuntimeError: The system maps no more files.

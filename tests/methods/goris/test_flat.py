@@ -11,12 +11,12 @@ import torch
 
 from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
 from graycard import Camera, look_at
-from graycard.io import _room
 from graycard.methods.goris import GorisSettings, _flat
 from graycard.methods.goris._flat import _Outline, agreement, flat_surface
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import plane_depth, sparse_start
+from rooms_in_files import all_in_files
 from sparse_points import with_points
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -134,12 +134,7 @@ def test_a_flat_mirror_is_the_same_where_views_lie_in_files(
 ):
     shots = shots_of_world(from_above(world))
     usual = flat_surface(shots, POINTS)
-    files: list[int] = []
-    mapped = _room.mapped
-    monkeypatch.setattr(_room, "SHARE", 0.0)
-    monkeypatch.setattr(_room, "SMALL", 256)
-    monkeypatch.setattr(_room, "hand_back_freed_memory", lambda: True)
-    monkeypatch.setattr(_room, "mapped", lambda parts: files.append(len(parts)) or mapped(parts))
+    files = all_in_files(monkeypatch)
     found = flat_surface(shots, POINTS)
     assert usual is not None
     assert found is not None
