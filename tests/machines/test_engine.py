@@ -16,11 +16,12 @@ import pytest
 from graycard.benchmarks._run_record import of_machines
 from graycard.benchmarks._sources import hardware
 from graycard.io import silent
-from graycard.machines import ClusterSpec, MachineError, Machines, connected
+from graycard.machines import ClusterSpec, MachineError, Machines, _origin, connected
 from graycard.machines import _engine as engine
 from graycard.machines._hand import Errand, Placed
 from graycard.machines._origin import differences, origin
 from graycard.processes import USUAL, Limits, Outcome, StandingWorker
+from graycard.synth import LLVM
 from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
 
 if TYPE_CHECKING:
@@ -124,6 +125,20 @@ def test_a_machine_without_the_weights_of_the_bench_is_another(
     assert differences(wanted) == []
     (tmp_path / "inception.safetensors").unlink()
     assert differences(wanted) == ["weights of nothing and not FID and KID"]
+
+
+@pytest.mark.parametrize("path", [None, Path("/lib/libLLVM.so.18.1")])
+def test_a_machine_with_another_compiler_of_the_renderer_is_another(
+    path: Path | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its scenes would have other bits, or lack layers."""
+    wanted = origin()
+    found = LLVM(path, 18, source="system") if path else LLVM(None, None, "No LLVM library was found")
+    monkeypatch.setattr(_origin, "find_llvm", lambda: found)
+    _origin._installed.cache_clear()
+    own = "18 (system)" if path else "none"
+    assert differences(wanted) == [f"LLVM of the renderer {own} and not {wanted['LLVM of the renderer']}"]
+    _origin._installed.cache_clear()
 
 
 class Few:

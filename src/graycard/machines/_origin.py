@@ -9,9 +9,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from graycard.networks import has_inception, has_lpips
+from graycard.synth import find_llvm
 
 _HOME = Path(__file__).parents[1]
-_PACKAGES = ("mitsuba", "drjit", "torch", "numpy", "scipy", "numba", "llvmlite", "scikit-image", "OpenEXR")
+_PACKAGES = (
+    "mitsuba", "drjit", "karellen-llvm-core", "torch", "gsplat", "numpy", "scipy", "numba", "llvmlite",
+    "scikit-image", "opencv-python-headless", "colour-science", "pillow", "OpenEXR",
+)  # fmt: skip
 """Packages that numbers come from."""
 _READ = (".py", ".toml", ".safetensors")
 
@@ -40,7 +44,18 @@ def differences(wanted: dict[str, str]) -> list[str]:
 @cache
 def _installed() -> dict[str, str]:
     """Return code and versions, as the process found them first."""
-    return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
+    return {
+        "graycard's code": _code()[:12],
+        "Python": platform.python_version(),
+        "LLVM of the renderer": _llvm(),
+        **_versions(),
+    }
+
+
+def _llvm() -> str:
+    """Return version and origin of the library that scenes render with; without it layers are missing."""
+    llvm = find_llvm()
+    return f"{llvm.version} ({llvm.source})" if llvm.usable else "none"
 
 
 def _code() -> str:
