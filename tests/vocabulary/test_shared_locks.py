@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from graycard import OutputError
+from graycard import GraycardError, OutputError
 from graycard.io import (
     _leftovers,
     _lock,
@@ -66,6 +66,17 @@ def test_a_file_system_without_locks_is_told_of_and_locked_by_files(
 def test_a_file_system_with_locks_is_not_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(_systems.LOCKS, "kernel")
     assert lock_words(tmp_path) == ""
+
+
+@pytest.mark.parametrize("value", ["file", "nfs", "1"])
+def test_no_other_kind_of_lock_can_be_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: str
+) -> None:
+    """A misspelt one would mean locks of the kernel, which exclude nobody on NFS."""
+    monkeypatch.setenv(_systems.LOCKS, value)
+    words = f"expected GRAYCARD_LOCKS to be files or kernel, got '{value}'"
+    with pytest.raises(GraycardError, match=words), file_lock(tmp_path / ".lock", lambda who: None):
+        pass
 
 
 def add_one(folder: str, times: int) -> None:
