@@ -91,6 +91,24 @@ def test_a_batch_job_is_one_worker_with_what_a_job_takes(written: Written) -> No
     assert f'"MEMORY={15 * 2**30} GPU=1"' in options["worker_extra_args"]
 
 
+def test_arguments_of_workers_come_after_those_that_jobs_need(written: Written) -> None:
+    """Without what they offer, workers would be given no job."""
+    more = '[options]\nworker_extra_args = ["--lifetime", "55m"]'
+    args = batch_options(written(f'kind = "slurm"\nmemory_gib = 1\n{more}'))["worker_extra_args"]
+    assert args[0] == "--resources"
+    assert args[-2:] == ["--lifetime", "55m"]
+
+
+def test_a_job_gets_no_more_memory_than_its_worker_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "machines.toml").write_text('kind = "local"\nmemory_gib = 2')
+    told = ["bench", "demo", "--scheduler", str(tmp_path / "machines.toml"), "--memory", "8"]
+    assert main([*told, "--out", str(tmp_path / "run")]) == 2
+    words = " ".join(capsys.readouterr().err.split())
+    assert "expected --memory of at most 2 GiB, which memory_gib asks for, got 8" in words
+
+
 def test_each_batch_system_is_asked_in_its_own_words(written: Written) -> None:
     pbs = batch_options(written('kind = "pbs"\nthreads = 4\nmemory_gib = 3\ngpus = 2'))
     assert pbs["resource_spec"] == "select=1:ncpus=4:mem=4096mb:ngpus=2"

@@ -132,15 +132,17 @@ def batch_options(spec: ClusterSpec) -> dict[str, Any]:
     assert spec.memory_gib is not None, "the spec has refused that"
     memory = f"{spec.memory_gib + _OVERHEAD_GIB:g}GiB"
     offered = " ".join(f"{name}={count:.0f}" for name, count in spec.resources.items())
+    options = dict(spec.options)
     asked: dict[str, Any] = {
         "cores": 1,  # threads of the Dask worker
         "processes": 1,
         "memory": memory,
         "python": sys.executable,
-        "worker_extra_args": ["--resources", f'"{offered}"', "--memory-limit", "0"],
         "scheduler_options": {"dashboard_address": ":0"},
     }
-    return asked | _of_system(spec) | dict(spec.options) | _extra(spec)
+    own = ["--resources", f'"{offered}"', "--memory-limit", "0"]
+    more = {"worker_extra_args": [*own, *options.pop("worker_extra_args", ())]}
+    return asked | _of_system(spec) | options | more | _extra(spec)
 
 
 def _of_system(spec: ClusterSpec) -> dict[str, Any]:

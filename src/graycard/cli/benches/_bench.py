@@ -198,6 +198,11 @@ class BenchCommand:
         from graycard.resources import usable_cores
 
         spec = read_scheduler(self.scheduler, max(1, jobs), usable_cores())
+        if self.memory is not None and spec.memory_gib is not None and self.memory > spec.memory_gib:
+            raise GraycardError(
+                f"expected --memory of at most {spec.memory_gib:g} GiB, which memory_gib asks for, got "
+                f"{self.memory:g}. Mend one of them"
+            )
         with connected(spec, terminal.err.print) as machines:
             yield machines
 
