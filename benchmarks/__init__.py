@@ -11,6 +11,7 @@ from graycard.benchmarks._foreground import ask_apart as ask_apart
 from graycard.benchmarks._foreground import fit_apart as fit_apart
 from graycard.benchmarks._foreground import fit_words as fit_words
 from graycard.benchmarks._run_record import RunError as RunError
+from graycard.benchmarks._run_record import noisy_scenes as noisy_scenes
 from graycard.benchmarks._runner import Terms as Terms
 from graycard.benchmarks._runner import run_bench as run_bench
 from graycard.benchmarks._runner import run_part as run_part

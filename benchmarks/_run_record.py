@@ -98,6 +98,19 @@ def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
     )
 
 
+def noisy_scenes(suite: Suite, record: RunRecord, run: Path) -> list[str]:
+    """Return in words which scenes are noisier than their suite allows, of those whose files are here."""
+    found = []
+    for scene in record.scenes:
+        truth, wanted = run / scene.folder / "truth", suite.ceilings.get(scene.track, 0.0)
+        ceiling = open_truth(truth, check=False).noise_ceiling if wanted and truth.is_dir() else None
+        if ceiling is not None and ceiling < wanted:
+            found.append(
+                f"{scene.track}/{scene.scene} has a noise ceiling of {ceiling:.1f} dB, not {wanted:g}"
+            )
+    return found
+
+
 def commitment_of(suite: Suite) -> str:
     """Hash of the salt that scenes of an opened suite follow from; empty where none does."""
     opened = any(isinstance(spec, SecretSpec) for spec in suite.scenes)

@@ -109,6 +109,7 @@ class BenchCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Run the suite; a job or a score that failed makes the exit code 1."""
+        from graycard.benchmarks import load_suite, noisy_scenes
         from graycard.reports import write_report
         from graycard.resources import usable_cores
         from graycard.synth import find_llvm
@@ -128,6 +129,8 @@ class BenchCommand:
             report = write_report(run)
         for first, *more in run_lines(record):
             terminal.say(f"warning: {first}", *more)
+        if noisy := noisy_scenes(load_suite(self.suite), record, run):
+            terminal.say("warning: scenes are noisier than their suite allows", *noisy)
         failures = failed_lines(record.results)
         for line in failures:
             terminal.err.print(f"failed: {line}")
