@@ -11,14 +11,15 @@ from graycard import GraycardError, NewerRecordError, RecordError, open_truth
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._sources import hardware
-from graycard.benchmarks._suites import Suite, SuiteMethod
+from graycard.benchmarks._suites import Suite, SuiteMethod, public
 from graycard.dataset import manifest_of
-from graycard.io import await_file, remove_leftovers, sha256, to_builtins, writable_folder
+from graycard.io import await_file, remove_leftovers, sha256, to_builtins, writable_folder, write_json
 from graycard.machines import Machines
 from graycard.methods.priors import told_exactly
 from graycard.records import (
     EARLIER,
     RUN_FILE,
+    SUITE_FILE,
     UNSEEN,
     Edition,
     Job,
@@ -117,7 +118,21 @@ def commitment_of(suite: Suite) -> str:
     return suite.secret.commitment if suite.secret and opened else ""
 
 
-def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
+def keep_suite(suite: Suite, run: Path) -> str:
+    """Write the suite beside its run, without what a salt has opened in it, and give its hash."""
+    write_json(run / SUITE_FILE, public(suite))
+    return sha256(run / SUITE_FILE)
+
+
+def results_of(
+    fitted: Iterable[tuple[FitJob, Outcome]], scored: Iterable[tuple[FitJob, Outcome]], run: Path
+) -> tuple[JobResult, ...]:
+    """Return how each job ended."""
+    scores = {job.folder: outcome for job, outcome in scored}
+    return tuple(_result_of(job, outcome, scores.get(job.folder), run) for job, outcome in fitted)
+
+
+def _result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
     """End of a job: its scores and its cost, or why there are none."""
     reason = fitted.reason or (scored.reason if scored else "not scored")
     return JobResult(
@@ -272,11 +287,11 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
     hashes of these results are its ``jobs``, where all places of the record before have them.
 
     Args:
-        record: The whole, with the results that were kept or found done.
+        record: The whole, with the results that were kept or found done, and places that parts have told.
         before: What the folder had.
     """
     own, last = (to_builtins(dict(one.environment)) for one in (record, before))
-    own.pop(EARLIER, None)
+    of_parts: list[dict[str, Any]] = list(own.pop(EARLIER, None) or ())
     last.pop(UNSEEN, None)  # said of the record, not of the place
     places: list[dict[str, Any]] = list(last.pop(EARLIER, None) or ())
     known = {job for place in places for job in place.get("jobs", ())}
@@ -294,12 +309,21 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
                 found.append(place)
             continue
         jobs = [job for job in place.pop("jobs", ()) if job in stays]
-        alike = [one for one in found if {**one, "jobs": 0} == {**place, "jobs": 0} and "jobs" in one]
-        if alike:
-            alike[0]["jobs"] += jobs
-        elif jobs and place != own:
-            found.append({**place, "jobs": jobs})
+        _add(found, place, jobs, own)
+    for place in of_parts:
+        told = {job for other in found for job in other.get("jobs", ())}
+        jobs = [job for job in place.pop("jobs", ()) if job not in told]
+        _add(found, place, jobs, own)
     return replace(record, environment={**own, **({EARLIER: found} if found else {})})
+
+
+def _add(found: list[dict[str, Any]], place: dict[str, Any], jobs: list[str], own: dict[str, Any]) -> None:
+    """Add jobs to those of their place; of the record's own place nothing is told."""
+    alike = [one for one in found if {**one, "jobs": 0} == {**place, "jobs": 0} and "jobs" in one]
+    if alike:
+        alike[0]["jobs"] += jobs
+    elif jobs and place != own:
+        found.append({**place, "jobs": jobs})
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:

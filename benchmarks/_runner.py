@@ -36,13 +36,14 @@ from graycard.benchmarks._run_record import (
     check_seen,
     commitment_of,
     joined,
+    keep_suite,
     measures_nothing_new,
     method_record,
     of_machines,
     plain_record_before,
     record_before,
     renderers,
-    result_of,
+    results_of,
     scene_record,
     tidied,
     with_places_before,
@@ -50,16 +51,25 @@ from graycard.benchmarks._run_record import (
 from graycard.benchmarks._sizes import at_size, scaled
 from graycard.benchmarks._sources import environment
 from graycard.benchmarks._submitted import check_folder
-from graycard.benchmarks._suites import Suite, public
+from graycard.benchmarks._suites import Suite
 from graycard.benchmarks.claims import claims_of_suite, judge_run
-from graycard.benchmarks.planning import Part, clear_stages, part_of_plan, plan_fits, render_scenes, staging
+from graycard.benchmarks.planning import (
+    Part,
+    clear_stages,
+    part_of_plan,
+    plan_fits,
+    render_scenes,
+    staging,
+    tell_place,
+    with_places_of_parts,
+)
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_first_look
-from graycard.io import file_lock, sha256, write_json
+from graycard.io import file_lock, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
 from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
-from graycard.records import CLAIMS, COMPARISON, RUN_FILE, SUITE_FILE, Edition, JobResult, RunRecord, Size
+from graycard.records import CLAIMS, COMPARISON, RUN_FILE, Edition, JobResult, RunRecord, Size
 from graycard.resources import usable_cores
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
@@ -224,9 +234,11 @@ def run_part(
     if scenes.start == scenes.stop:
         return ()
     with tidied(bench.run, bench.dataset):
-        plan = _planned(bench, known, _render(bench, bench.suite.scenes[scenes]))[own]
+        rendered = _render(bench, bench.suite.scenes[scenes])
+        plan = _planned(bench, known, rendered)[own]
+        tell_place(run, part, plan, rendered)
         fitted = _fit(bench, plan)
-        return _results(fitted, _score(bench, fitted), run)
+        return results_of(fitted, _score(bench, fitted), run)
 
 
 def _begun(bench: Bench) -> tuple[Bench, list[Introduction]]:
@@ -251,12 +263,13 @@ def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
     scenes = _render(bench, bench.suite.scenes)
     plan = _planned(bench, known, scenes)
+    tell_place(bench.run, None, plan, scenes)
     fitted = _fit(bench, plan)
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         clear_stages(bench.run, plan)  # nothing can go on from them any more
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
-    return Measured(record, _all_reused(fitted, scored))
+    return Measured(with_places_of_parts(record, bench.run), _all_reused(fitted, scored))
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
@@ -316,22 +329,16 @@ def _record(
         scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
         methods=tuple(map(method_record, suite.methods, known)),
         metrics=all_metrics(),
-        results=_results(fitted, scored, run),
+        results=results_of(fitted, scored, run),
         environment={**origins, **of_machines(bench.terms.machines), "renderer": renderers(scenes)},
         started=bench.started,
         wall_s=bench.elapsed_s(),
-        suite_sha256=_keep(bench.whole or suite, run),
+        suite_sha256=keep_suite(bench.whole or suite, run),
         budget=bench.terms.budget,
         size=bench.terms.size,
         edition=bench.terms.edition,
         commitment=commitment_of(suite),
     )
-
-
-def _results(fitted: Fits, scored: Fits, run: Path) -> tuple[JobResult, ...]:
-    """Return how each job ended."""
-    scores = {job.folder: outcome for job, outcome in scored}
-    return tuple(result_of(job, outcome, scores.get(job.folder), run) for job, outcome in fitted)
 
 
 def _all_reused(fitted: Fits, scored: Fits) -> bool:
@@ -369,12 +376,6 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
     write_json(run / COMPARISON, compare_first_look(record))
     if names := claims or claims_of_suite(record.suite):
         write_json(run / CLAIMS, judge_run(record, run, names))
-
-
-def _keep(suite: Suite, run: Path) -> str:
-    """Write the suite beside its run, without what a salt has opened in it, and give its hash."""
-    write_json(run / SUITE_FILE, public(suite))
-    return sha256(run / SUITE_FILE)
 
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:

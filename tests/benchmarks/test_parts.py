@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of a run for job arrays: together they are the whole, and a last call gathers them."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from graycard import GraycardError
-from graycard.benchmarks import Part, parse_part
+from graycard.benchmarks import Part, _runner, parse_part
 from graycard.benchmarks._run_record import check_seen
+from graycard.benchmarks._sources import environment
+from graycard.benchmarks.planning import _places, with_places_of_parts
 from graycard.cli import main
-from graycard.io import read_json
+from graycard.io import read_json, write_json
 from graycard.records import read_run
 from tiny_benches import made_without_renderer, write_reserve_suite
 
@@ -67,6 +70,52 @@ def test_parts_do_what_the_whole_does_and_a_last_call_reuses_it(
     assert {path: path.stat().st_mtime_ns for path in run.glob("jobs/*/*/*/*.json")} == before
     found, wanted = read_run(run), read_run(tmp_path / "whole")
     assert [(r.job, r.sheet) for r in found.results] == [(r.job, r.sheet) for r in wanted.results]
+
+
+def test_a_record_says_which_machines_did_the_parts(
+    asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two nodes do two parts, and the login node gathers: the last part, done again, is the login node's."""
+    suite, run = str(write_reserve_suite(tmp_path)), tmp_path / "run"
+
+    def earlier() -> list[tuple[str, int]]:
+        found = read_run(run).environment.get("earlier", [])
+        return [(place["cpu"], len(place["jobs"])) for place in found]
+
+    for number, cpu in ((1, "of a node"), (2, "of another node"), (3, "of a node")):
+        place = {**environment(), "cpu": cpu}
+        monkeypatch.setattr(_places, "environment", lambda place=place: place)
+        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
+        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0, "nothing is told anew"
+    assert len(list((run / "places").iterdir())) == 3
+    (run / "places" / "9-of-9-1.json").write_text("{")
+    assert main(["bench", suite, "--out", str(run)]) == 0
+    assert earlier() == [("of a node", 7), ("of another node", 3)]
+    assert main(["bench", suite, "--out", str(run)]) == 0
+    assert earlier() == [("of a node", 7), ("of another node", 3)]
+    place = {**environment(), "cpu": "of the login node"}
+    for module in (_places, _runner):
+        monkeypatch.setattr(module, "environment", lambda: place)
+    shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
+    for _ in range(2):
+        assert main(["bench", suite, "--out", str(run)]) == 0
+        assert sum(count for _, count in earlier()) == 9
+        assert "of the login node" not in dict(earlier())
+
+
+def test_of_two_tasks_that_took_a_job_the_later_one_made_it(made_run: Path, tmp_path: Path) -> None:
+    """The first was ended before its fit; a place that is the record's own is not told."""
+    record = read_run(made_run)
+    own = dict(record.environment)
+    jobs = [result.job_hash[:12] for result in record.results if result.cost]
+    for number, cpu in enumerate(("first", "second"), 1):
+        told = {**own, "cpu": cpu, "jobs": [jobs[0], "of another run"]}
+        write_json(tmp_path / "places" / f"1-of-2-{10**18 + number}.json", told)
+    assert with_places_of_parts(record, tmp_path).environment["earlier"] == [
+        {**own, "cpu": "second", "jobs": jobs[:1]}
+    ]
+    write_json(tmp_path / "places" / f"1-of-2-{10**18 + 3}.json", {**own, "jobs": jobs[:1]})
+    assert with_places_of_parts(record, tmp_path) == record
 
 
 def test_more_parts_than_jobs_leave_some_without(

@@ -226,7 +226,7 @@ def processes(trial: Trial) -> dict[int, str]:
 def fingerprint(run: Path) -> dict[str, str]:
     """Return the hash of each file of a run; of records without times and costs.
 
-    Costs of scenes are left out: a run has those of the scenes that it rendered in one go.
+    Costs of scenes and places of parts are left out: they tell how a run was made, not what it found.
     """
     return dict(_fingerprints(run))
 
@@ -235,7 +235,7 @@ def _fingerprints(run: Path) -> Iterator[tuple[str, str]]:
     timed: dict[str, Callable[[bytes], bytes]] = {"run.json": _untimed, "job.json": _untimed}
     for path in sorted(run.rglob("*")):
         name = path.relative_to(run).as_posix()
-        if path.is_dir() or name.startswith("rendering/"):
+        if path.is_dir() or name.startswith(("rendering/", "places/")):
             continue
         shows_times = name.startswith("report/") or path.name == "scoring.json"
         content = b"" if shows_times else path.read_bytes()

@@ -12,7 +12,7 @@ import pytest
 from graycard.benchmarks import check_result, environment
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
-from graycard.benchmarks._run_record import method_record, result_of
+from graycard.benchmarks._run_record import method_record, results_of
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
@@ -36,7 +36,7 @@ def fit_and_score(run: Path, scene: Path, method: str) -> JobResult:
     settings = to_builtins(settings_of(load_method(method), {}))
     job = Job("dark", scene.name, method, 0, settings, method)
     fit = FitJob(job, "hash", scene, run / "jobs" / "dark" / scene.name / f"{method}-0", 1, run / "jobs")
-    return result_of(fit, run_fit(fit), run_score(fit), run)
+    return results_of([(fit, run_fit(fit))], [(fit, run_score(fit))], run)[0]
 
 
 def write_valid_run(run: Path, write_tiny: Callable[..., Path]) -> Path:
