@@ -3,6 +3,7 @@
 
 import os
 import random
+import shutil
 import socket
 import subprocess
 import sys
@@ -47,14 +48,19 @@ def trial() -> Iterator[Trial]:
         yield made
 
 
-def check_same(trial: Trial, *options: str) -> None:
-    """Run the bench with some options; it has to end as worker processes do, and leave nothing."""
+def check_same(trial: Trial, *options: str) -> str:
+    """Run the bench with some options; it has to end as worker processes do, and leave nothing.
+
+    Returns:
+        What it printed.
+    """
     trial.options = options
     try:
         printed = trial.to_the_end()
         assert trial.failures == []
         assert "dashboard: http" in printed
         assert differences(trial) == []
+        return printed
     finally:
         forget(trial)
 
@@ -62,6 +68,12 @@ def check_same(trial: Trial, *options: str) -> None:
 def test_workers_of_this_machine_give_the_same_bits(trial: Trial) -> None:
     check_same(trial, "--scheduler", "local")
     assert trial.left() == []
+
+
+def test_a_scene_that_workers_render_in_parts_has_the_same_bits(trial: Trial) -> None:
+    shutil.rmtree(trial.run / "dataset")
+    printed = check_same(trial, "--scheduler", "local")
+    assert "rendering: parts" in printed
 
 
 OTHER = (
