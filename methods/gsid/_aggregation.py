@@ -6,8 +6,8 @@ changes are tried on all views at half their size, and the best of a kind is kep
 of all views falls (inferred). Views larger than a tile are made smaller for it: its cost does not grow.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -24,7 +24,7 @@ from graycard.methods.gsid._lights import (
     lamps_from,
 )
 from graycard.methods.gsid._model import LitPicture
-from graycard.methods.gsid._objective import DeferredView, GsidObjective
+from graycard.methods.gsid._objective import DeferredView, GsidObjective, Surfaces
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size, objective_in
 from graycard.methods.splat import FitState, Parameters
@@ -115,6 +115,10 @@ class _Trial:
     half: LightStage
     """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters
+    seen: Surfaces = field(default_factory=Surfaces)
+    """What the views of :attr:`stage` show; proposals change lights alone, and share it."""
+    half_seen: Surfaces = field(default_factory=Surfaces)
+    """The same of :attr:`half`."""
 
     @property
     def lights(self) -> Lights:
@@ -127,11 +131,12 @@ class _Trial:
     @cached_property
     def loss(self) -> float:
         """Loss over all pixels of all views."""
-        return objective_in(self.stage, self.parameters).over_all(self.parameters.all)
+        objective = replace(objective_in(self.stage, self.parameters), surfaces=self.seen)
+        return objective.over_all(self.parameters.all)
 
     @cached_property
     def half_objective(self) -> GsidObjective:
-        return objective_in(self.half, self.parameters)
+        return replace(objective_in(self.half, self.parameters), surfaces=self.half_seen)
 
     @cached_property
     def half_loss(self) -> float:
@@ -145,11 +150,10 @@ class _Trial:
         best = min(trials, key=lambda trial: trial.half_loss, default=self)
         return best if best.half_loss < self.half_loss and best.loss < self.loss else self
 
-    def pictures(self) -> list[LitPicture]:
-        """All tiles of all views."""
-        return [
-            self.half_objective.picture(self.parameters.all, n) for n in range(len(self.half_objective.shots))
-        ]
+    def pictures(self) -> Iterator[LitPicture]:
+        """Yield all tiles of all views."""
+        objective = self.half_objective
+        return (objective.picture(self.parameters.all, number) for number in range(len(objective.shots)))
 
     @cached_property
     def given(self) -> torch.Tensor:
@@ -240,20 +244,18 @@ def _is_near(place: torch.Tensor, trial: _Trial, reach: float) -> bool:
     return bool(len(others)) and float((others - place).norm(dim=-1).min()) < reach
 
 
-def largest_lack(shots: Sequence[DeferredView], pictures: Sequence[LitPicture], extent: float) -> Lack:
+def largest_lack(shots: Sequence[DeferredView], pictures: Iterable[LitPicture], extent: float) -> Lack:
     """Return the place where photographs are brighter than pictures by most, over a few pixels."""
-    best = -torch.inf, 0, 0, 0
-    for number, (shot, picture) in enumerate(zip(shots, pictures, strict=True)):
-        missing = _blurred(shot.linear - picture.whole).mean(dim=-1)
-        missing = torch.where(shot.ground.drawn.alpha > 0.9, missing, -torch.inf)
-        row, column = divmod(int(missing.argmax()), missing.shape[1])
-        best = max(best, (float(missing[row, column]), number, row, column))
-    _, number, row, column = best
-    ground, height = shots[number].ground, HEIGHT * extent
-    position = ground.points[row, column] + height * ground.normal[row, column]
-    missing = _blurred(shots[number].linear - pictures[number].whole)[row, column]
+    most, position, lacking, height = -torch.inf, torch.zeros(3), torch.zeros(3), HEIGHT * extent
+    for shot, picture in zip(shots, pictures, strict=True):
+        missing = _blurred(shot.linear - picture.whole)
+        covered = torch.where(shot.ground.drawn.alpha > 0.9, missing.mean(dim=-1), -torch.inf)
+        row, column = divmod(int(covered.argmax()), covered.shape[1])
+        if float(covered[row, column]) >= most:
+            most, lacking = float(covered[row, column]), missing[row, column]
+            position = shot.ground.points[row, column] + height * shot.ground.normal[row, column]
     # what a surface of the mean albedo returns, turned round
-    return Lack(position, missing.clamp(min=1e-4) * torch.pi * height**2 / 0.4)
+    return Lack(position, lacking.clamp(min=1e-4) * torch.pi * height**2 / 0.4)
 
 
 def _blurred(image: torch.Tensor) -> torch.Tensor:

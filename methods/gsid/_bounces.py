@@ -151,13 +151,13 @@ def bounced_light(
         surroundings: In the unit of the lamps.
         opened: Shape ``(N,)``: share of the sky's light that arrives at each surfel.
         soften: Metres, see :func:`graycard.methods.shading.arriving`.
-        reached: Shape ``(N, K)``: share of each lamp's light that arrives at the surfels; None: rays find it.
+        reached: Shape ``(M, K)``: share of each lamp's light that arrives at the nodes; None: rays find it.
 
     Returns:
         Shape ``(N, K + 1, 3)``: of the lamps, then of the surroundings.
     """
     chosen = torch.from_numpy(bounces.nodes)
-    by_lamps = bounces.seen_from.lit_by(lamps, soften, None if reached is None else reached[chosen])
+    by_lamps = bounces.seen_from.lit_by(lamps, soften, reached)
     by_sky = opened[chosen, None] * look_up(surroundings.irradiance, bounces.seen_from.facing)
     direct = torch.cat([by_lamps, by_sky[:, None]], dim=1)
     lights = direct.shape[1]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import torch
 from torch.nn.functional import normalize
 
+from graycard import Camera
 from graycard.methods.gsid._model import (
     BASE_COLOR,
     METALLIC,
@@ -27,18 +28,18 @@ from graycard.methods.shading import Material, Shining, Surroundings, look_up
 from graycard.methods.splat import Surfels, rasterize_features, rotation_matrices, surfels_of
 
 
-def reach_in_view(surfels: Surfels, ground: Ground, arrived: Reach, settings: GsidSettings) -> Reach:
+def reach_in_view(surfels: Surfels, camera: Camera, arrived: Reach, settings: GsidSettings) -> Reach:
     """Receivers of light: pixels of a view, or the surfels themselves.
 
     Args:
         surfels: N of them.
-        ground: The view.
+        camera: Of the view.
         arrived: At the surfels.
         settings: Which of the two is shaded.
     """
     if settings.shading == "forward":
         return arrived
-    return reach_of(surfels, ground, arrived)
+    return reach_of(surfels, camera, arrived)
 
 
 def draw(

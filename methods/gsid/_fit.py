@@ -106,7 +106,8 @@ def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitS
     config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
     ends = chunk_ends(stage.steps, settings.aggregate_every)
     for end in ends:
-        stage = renewed(stage, state.parameters)
+        if state.step > 0:
+            stage = renewed(stage, state.parameters)
         changing = state.step <= settings.aggregate_until * stage.steps
         if state.step > 0 and changing:
             state = aggregated(state, stage)

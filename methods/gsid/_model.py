@@ -24,6 +24,7 @@ from graycard.methods.shading import (
     look_up,
 )
 from graycard.methods.splat import (
+    FeatureMaps,
     Maps,
     Surfels,
     Window,
@@ -153,7 +154,7 @@ def lit_normals(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
     return rotation_matrices(surfels_of(values).rotations)[:, :, 2] * values[SIDE][:, None]
 
 
-def _covered(features: torch.Tensor, drawn: Maps) -> torch.Tensor:
+def _covered(features: torch.Tensor, drawn: Maps | FeatureMaps) -> torch.Tensor:
     """Means over what surfels cover of each pixel."""
     return features / drawn.alpha[..., None].clamp(min=LEAST_COVER)
 
@@ -177,23 +178,24 @@ class Reach:
 
 
 @torch.no_grad()
-def reach_of(surfels: Surfels, ground: Ground, arrived: Reach) -> Reach:
+def reach_of(surfels: Surfels, camera: Camera, arrived: Reach) -> Reach:
     """Draw what surfels receive, ``(N, K)`` and ``(N, B, 3)``; see :class:`Reach`."""
     shadows, bounced = arrived.shadows, arrived.bounced
-    drawn = None if shadows is None else shadows_of(surfels, ground.camera, shadows, ground)
+    drawn = None if shadows is None else shadows_of(surfels, camera, shadows)
     if bounced is not None:
-        bounced = _drawn(surfels, bounced.flatten(1), ground).clamp(min=0).unflatten(-1, bounced.shape[1:])
+        bounced = _drawn(surfels, bounced.flatten(1), camera).clamp(min=0).unflatten(-1, bounced.shape[1:])
     return Reach(drawn, bounced, arrived.known)
 
 
 @torch.no_grad()
-def shadows_of(surfels: Surfels, camera: Camera, reached: torch.Tensor, ground: Ground) -> torch.Tensor:
+def shadows_of(surfels: Surfels, camera: Camera, reached: torch.Tensor) -> torch.Tensor:
     """Draw what surfels receive of each lamp, ``(N, K)``, as shares of pixels ``(H, W, K)``."""
-    return _drawn(surfels, reached, ground).clamp(0, 1)
+    return _drawn(surfels, reached, camera).clamp(0, 1)
 
 
-def _drawn(surfels: Surfels, values: torch.Tensor, ground: Ground) -> torch.Tensor:
-    return _covered(rasterize_features(surfels, ground.camera, features=values).features, ground.drawn)
+def _drawn(surfels: Surfels, values: torch.Tensor, camera: Camera) -> torch.Tensor:
+    drawn = rasterize_features(surfels, camera, features=values)
+    return _covered(drawn.features, drawn)
 
 
 @dataclass(frozen=True, eq=False)

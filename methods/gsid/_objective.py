@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loss of the second stage: how far shaded layers are from the photographs and from the prior."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
@@ -43,6 +43,7 @@ class DeferredView:
     shown: torch.Tensor
     """The same, encoded for a display."""
     ground: Ground
+    """Surfaces as the second stage finds them; where surfels move, steps draw them anew."""
     guess: MaterialGuess
 
     def at(self, window: Window) -> "DeferredView":
@@ -51,22 +52,22 @@ class DeferredView:
         guess = MaterialGuess(*(None if layer is None else window.of(layer) for layer in layers))
         return DeferredView(window.of(self.linear), window.of(self.shown), self.ground.at(window), guess)
 
-    def at_half_size(self, surfels: Surfels, occlusion: torch.Tensor) -> "DeferredView":
+    def at_half_size(self, surfels: Surfels, occlusion: torch.Tensor, times: int = 1) -> "DeferredView":
         """Return the view at half its width and height.
 
         Args:
             surfels: What it shows.
             occlusion: Shape ``(N,)``, see :func:`ground_of`.
+            times: How often it is halved, 1 or more.
         """
-        camera, layers = (
-            self.ground.camera,
-            (getattr(self.guess, field.name) for field in fields(MaterialGuess)),
-        )
-        scale = np.diag([0.5, 0.5, 1])
-        half = Camera(camera.width // 2, camera.height // 2, scale @ camera.K, camera.camera_to_world)
-        guess = MaterialGuess(*(None if layer is None else _halved(layer) for layer in layers))
-        linear, ground = _halved(self.linear), ground_of(surfels, half, occlusion)
-        return DeferredView(linear, srgb_encode_tensor(linear), ground, guess)
+        camera, linear = self.ground.camera, self.linear
+        layers = [getattr(self.guess, field.name) for field in fields(MaterialGuess)]
+        for _ in range(times):
+            size, half = (camera.width // 2, camera.height // 2), np.diag([0.5, 0.5, 1]) @ camera.K
+            camera, linear = Camera(*size, half, camera.camera_to_world), _halved(linear)
+            layers = [None if layer is None else _halved(layer) for layer in layers]
+        ground = ground_of(surfels, camera, occlusion)
+        return DeferredView(linear, srgb_encode_tensor(linear), ground, MaterialGuess(*layers))
 
 
 def _halved(image: torch.Tensor) -> torch.Tensor:
@@ -88,6 +89,20 @@ def deferred_views(
     return found
 
 
+@dataclass(eq=False)
+class Surfaces:
+    """Surfaces of tiles for trials that change lights alone: each is drawn once, without gradient."""
+
+    room: Room = field(default_factory=Room)
+    drawn: dict[int, tuple[Ground, Pixels]] = field(default_factory=dict)
+
+    def of(self, number: int, draw: Callable[[], tuple[Ground, Pixels]]) -> tuple[Ground, Pixels]:
+        """Return the surfaces of a tile."""
+        if number not in self.drawn:
+            self.drawn[number] = self.room.keep(draw())
+        return self.drawn[number]
+
+
 @dataclass(frozen=True, eq=False)
 class GsidObjective:
     """The loss of one tile of one view a step. In a round each tile of each view has its turn once."""
@@ -99,6 +114,8 @@ class GsidObjective:
     settings: GsidSettings
     extent: float
     seed: int
+    surfaces: Surfaces | None = None
+    """Of all tiles, for the same surfels; None: they are drawn whenever they are looked at."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """Return the loss of a step, with what else the fit is told."""
@@ -112,7 +129,7 @@ class GsidObjective:
     def loss(self, values: Mapping[str, torch.Tensor], number: int) -> torch.Tensor:
         """Return the loss of a tile."""
         shot, settings = self.shots[number], self.settings
-        ground, pixels = self._seen(values, shot)
+        ground, pixels = self._seen(values, number)
         lights, reach = _lights_in(values), self.reach[number]
         picture = draw_whole(values, ground, lights, reach, settings, self.extent, pixels=pixels)
         loss = photometric_map(srgb_encode_tensor(picture.whole), shot.shown, settings.ssim_share).mean()
@@ -131,12 +148,18 @@ class GsidObjective:
     @torch.no_grad()
     def picture(self, values: Mapping[str, torch.Tensor], number: int) -> LitPicture:
         """Return a tile under the lights."""
-        ground, pixels = self._seen(values, self.shots[number])
+        ground, pixels = self._seen(values, number)
         return draw(
             values, ground, _lights_in(values), self.reach[number], self.settings, self.extent, pixels=pixels
         )
 
-    def _seen(self, values: Mapping[str, torch.Tensor], shot: DeferredView) -> tuple[Ground, Pixels]:
+    def _seen(self, values: Mapping[str, torch.Tensor], number: int) -> tuple[Ground, Pixels]:
+        """Surfaces of a tile."""
+        if self.surfaces is None:
+            return self._drawn(values, self.shots[number])
+        return self.surfaces.of(number, lambda: self._drawn(values, self.shots[number]))
+
+    def _drawn(self, values: Mapping[str, torch.Tensor], shot: DeferredView) -> tuple[Ground, Pixels]:
         """Surfaces of a tile, drawn anew where they move."""
         if self.settings.geometry_rate > 0:
             return seen_anew(values, shot.ground.camera)

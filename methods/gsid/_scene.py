@@ -115,7 +115,7 @@ class GsidScene(LayeredScene):
             )
         found = self._found(lamps.positions)
         arrived = Reach(self._reached(lamps.positions, found), bounced, found)
-        reach = reach_in_view(surfels, ground, arrived, self.settings)
+        reach = reach_in_view(surfels, ground.camera, arrived, self.settings)
         apart = self.given is None
         return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
 

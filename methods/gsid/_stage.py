@@ -10,7 +10,7 @@ from graycard.io import Room
 from graycard.methods.gsid._bounces import Bounces, bounced_light
 from graycard.methods.gsid._draw import reach_in_view
 from graycard.methods.gsid._lights import POSITIONS, lamps_from, sky_from
-from graycard.methods.gsid._model import OPEN, SOFTEN, Reach, ground_of, matte_of
+from graycard.methods.gsid._model import OPEN, SOFTEN, Reach, matte_of
 from graycard.methods.gsid._objective import DeferredView, GsidObjective
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import lamp_visibility, surroundings_of
@@ -28,9 +28,11 @@ class LightStage:
     seed: int
     bounces: Bounces | None = None
     """Between the surfels; None: light goes no further than to what it falls on."""
-    traced: dict[tuple[float, ...], torch.Tensor] = field(default_factory=dict)
+    traced: "_Shares" = field(default_factory=dict)
     """By places of lamps: the shares of shape ``(N,)`` of their light that arrive at the surfels. Rays to a
     place are traced once."""
+    traced_to_nodes: "_Shares" = field(default_factory=dict)
+    """The same at the nodes of the bounces, ``(M,)``, which are a small part of the surfels."""
 
     @property
     def steps(self) -> int:
@@ -39,42 +41,62 @@ class LightStage:
 
     def reached(self, places: torch.Tensor) -> torch.Tensor:
         """Shares of the light of lamps at places ``(K, 3)`` that arrive at the surfels, shape ``(N, K)``."""
+        return self._shares_at(self.surfels.centres, places, self.traced)
+
+    def reached_nodes(self, bounces: Bounces, places: torch.Tensor) -> torch.Tensor:
+        """Return the same at the nodes of the bounces, shape ``(M, K)``."""
+        nodes = self.surfels.centres[torch.from_numpy(bounces.nodes)]
+        return self._shares_at(nodes, places, self.traced_to_nodes)
+
+    def _shares_at(self, points: torch.Tensor, places: torch.Tensor, known: "_Shares") -> torch.Tensor:
+        """Shares of light at points, of which those by places that are known are not traced again."""
         keys = [tuple(place) for place in places.tolist()]
-        missing = [number for number, key in enumerate(keys) if key not in self.traced]
-        found = lamp_visibility(self.surfels, self.surfels.centres, places[missing], self.extent)
-        self.traced.update((keys[number], found[:, i]) for i, number in enumerate(missing))
-        columns = [self.traced[key] for key in keys]
+        missing = [number for number, key in enumerate(keys) if key not in known]
+        found = lamp_visibility(self.surfels, points, places[missing], self.extent)
+        known.update((keys[number], found[:, i]) for i, number in enumerate(missing))
+        columns = [known[key] for key in keys]
         return torch.stack(columns, dim=1) if columns else found
 
 
+_Shares = dict[tuple[float, ...], torch.Tensor]
+"""Shares of the light of lamps, by their places."""
+
+
 def renewed(stage: LightStage, parameters: Parameters) -> LightStage:
-    """Return the stage with the surfels of the current parameters."""
+    """Return the stage with the surfels of the current parameters.
+
+    Views stay as they are: where surfels move, steps draw them anew.
+    """
     if stage.settings.geometry_rate == 0:
         return stage
-    surfels, opened = surfels_of(parameters.surfels), parameters.surfels[OPEN]
-    room = Room()
-    shots = [replace(s, ground=room.keep(ground_of(surfels, s.ground.camera, opened))) for s in stage.shots]
-    return replace(stage, surfels=surfels, shots=shots, traced={})
+    return replace(stage, surfels=surfels_of(parameters.surfels), traced={}, traced_to_nodes={})
 
 
-def at_half_size(stage: LightStage, parameters: Parameters) -> LightStage:
-    """Return the stage with undivided views of half the width and height: cheap trials on all views."""
-    room = Room()
-    shots = [room.keep(shot.at_half_size(stage.surfels, parameters.surfels[OPEN])) for shot in stage.shots]
-    largest = max(max(shot.shown.shape) for shot in shots)
-    return replace(
-        stage, shots=shots, settings=replace(stage.settings, tile=max(largest, stage.settings.tile))
-    )
+def at_half_size(stage: LightStage, parameters: Parameters, times: int = 1) -> LightStage:
+    """Return the stage with undivided views of half the width and height, or of half of that, and so on:
+    cheap trials on all views.
+    """
+    if times == 0:
+        return stage
+    room, opened = Room(), parameters.surfels[OPEN]
+    shots = [room.keep(shot.at_half_size(stage.surfels, opened, times)) for shot in stage.shots]
+    tile = max(_longest_side(stage) // 2, stage.settings.tile)
+    return replace(stage, shots=shots, settings=replace(stage.settings, tile=tile))
 
 
 def at_tile_size(stage: LightStage, parameters: Parameters) -> LightStage:
     """Return the stage with views halved until no side is longer than one and a half tiles: at the cost of a
     tile a view all of them can be looked at.
     """
-    smaller, most = stage, 1.5 * stage.settings.tile
-    while max(max(shot.shown.shape[:2]) for shot in smaller.shots) > most:
-        smaller = at_half_size(smaller, parameters)
-    return smaller
+    side, times = _longest_side(stage), 0
+    while side > 1.5 * stage.settings.tile:
+        side, times = side // 2, times + 1
+    return at_half_size(stage, parameters, times)
+
+
+def _longest_side(stage: LightStage) -> int:
+    """Pixels along the longest side of any view."""
+    return max(max(shot.shown.shape[:2]) for shot in stage.shots)
 
 
 def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
@@ -104,8 +126,8 @@ def reach_in(stage: LightStage, parameters: Parameters) -> list[Reach]:
             sky,
             values[OPEN],
             SOFTEN * stage.extent,
-            reached=stage.reached(parameters.shared[POSITIONS]),
+            reached=stage.reached_nodes(stage.bounces, parameters.shared[POSITIONS]),
         ).sum(dim=1, keepdim=True)
     arrived, settings, room = Reach(reached, bounced), stage.settings, Room()
-    found = (reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots)
+    found = (reach_in_view(stage.surfels, shot.ground.camera, arrived, settings) for shot in stage.shots)
     return [one if one is arrived else room.keep(one) for one in found]

@@ -18,7 +18,7 @@ from graycard.methods.gsid._model import (
     pixels_of,
 )
 from graycard.methods.gsid._objective import DeferredView
-from graycard.methods.gsid._stage import LightStage, objective_in
+from graycard.methods.gsid._stage import LightStage, at_tile_size, objective_in
 from graycard.methods.gsid._visibility import first_vectors
 from graycard.methods.shading import Material, arriving
 from graycard.methods.splat import Parameters
@@ -32,7 +32,7 @@ def first_parameters(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> 
     shadows as they come, and strengths are solved once more with what they tell: a lamp behind a wall may be
     as strong as it likes to a ray, and would shine through the wall to a vector that does not know of it.
     All lamps are tried, the brighter half of them, and so on, down to none: those begin with which the loss
-    over all views is least. So more lamps begin no worse than fewer.
+    over all views is least. So more lamps begin no worse than fewer. Large views are made smaller for it.
 
     Args:
         stage: What is looked at.
@@ -45,7 +45,8 @@ def first_parameters(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> 
     places = search.places()
     counts = sorted({len(places) >> halvings for halvings in range(len(places).bit_length() + 1)})
     tried = [_with_lamps(stage, surface, search, places[:count]) for count in counts]
-    losses = [objective_in(stage, parameters).over_all(parameters.all) for parameters in tried]
+    smaller = at_tile_size(stage, tried[0])
+    losses = [objective_in(smaller, parameters).over_all(parameters.all) for parameters in tried]
     return tried[int(np.argmin(losses))]
 
 

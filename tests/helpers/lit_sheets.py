@@ -89,7 +89,7 @@ def photographed(surface: dict[str, torch.Tensor], cameras: list[Camera], lamps:
     for camera in cameras:
         ground = ground_of(surfels, camera, surface[OPEN])
         pixels = pixels_of(surface, ground)
-        shadows = shadows_of(surfels, camera, reached, ground)
+        shadows = shadows_of(surfels, camera, reached)
         linear = picture_of(pixels, lamps, sky, Reach(shadows), "traced", EXTENT).whole
         known = MaterialGuess(
             ground.normal,

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lamps are pruned, merged, split and put elsewhere, and only where the loss over all views falls."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from graycard.methods.gsid import GsidSettings, _aggregation
+from graycard.methods.gsid import GsidSettings, _aggregation, _objective
 from graycard.methods.gsid._aggregation import (
     APART,
     STRENGTHS,
@@ -31,7 +33,7 @@ from graycard.methods.gsid._lights import (
     lamps_from,
 )
 from graycard.methods.gsid._lights import LAMPS as LAMP_NAMES
-from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size
+from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size, objective_in
 from graycard.methods.splat import FitState, Parameters, initial_state
 from lit_sheets import EXTENT, LAMPS, World
 
@@ -167,6 +169,48 @@ def test_views_larger_than_a_tile_are_looked_at_smaller(world: World, tile: int,
     assert (smaller is stage) is (size == (32, 36))
     mean = smaller.shots[0].linear.mean(dim=(0, 1))
     torch.testing.assert_close(mean, stage.shots[0].linear.mean(dim=(0, 1)))
+
+
+def test_views_are_halved_at_once_as_one_time_after_another(world: World):
+    stage, parameters = stage_of(world, replace(SETTINGS, tile=11)), state_of(world, TRUE, SENT).parameters
+    once = at_half_size(stage, parameters, 2)
+    twice = at_half_size(at_half_size(stage, parameters), parameters)
+    assert once.settings == twice.settings
+    assert at_half_size(stage, parameters, 0) is stage
+    for one, other in zip(once.shots, twice.shots, strict=True):
+        for name in ("linear", "shown"):
+            assert torch.equal(getattr(one, name), getattr(other, name)), name
+        assert torch.equal(one.ground.points, other.ground.points)
+        assert one.guess.base_color is not None
+        assert other.guess.base_color is not None
+        assert torch.equal(one.guess.base_color, other.guess.base_color)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.1])
+def test_surfaces_are_drawn_once_for_all_trials(world: World, rate: float, monkeypatch: pytest.MonkeyPatch):
+    """With the losses that they have where they are drawn anew."""
+    drawn: list[str] = []
+    for name in ("seen_anew", "pixels_of"):
+        draw = getattr(_objective, name)
+
+        def noted(*given: Any, name: str = name, draw: Callable[..., Any] = draw) -> Any:
+            drawn.append(name)
+            return draw(*given)
+
+        monkeypatch.setattr(_objective, name, noted)
+    settings = replace(SETTINGS, geometry_rate=rate)
+    trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:], settings), settings)
+    trials = [
+        trial,
+        *(replace(trial, parameters=Parameters(trial.parameters.surfels, dict(p))) for p in _put(trial)),
+    ]
+    losses = [(one.half_loss, one.loss) for one in trials]
+    assert len(trials) == 1 + len(STRENGTHS)
+    assert drawn == ["seen_anew" if rate else "pixels_of"] * 2 * len(world.shots)
+    for one, (half, whole) in zip(trials, losses, strict=True):
+        values = one.parameters.all
+        assert objective_in(one.half, one.parameters).over_all(values) == half
+        assert objective_in(one.stage, one.parameters).over_all(values) == whole
 
 
 def test_dim_lamps_are_left_out(world: World):

@@ -7,7 +7,7 @@ import torch
 
 from graycard import PointLight
 from graycard.methods.gsid._bounces import BOUNCES, Bounces, bounced_light, bounces_between
-from graycard.methods.shading import lamps_of, surroundings_of
+from graycard.methods.shading import lamp_visibility, lamps_of, surroundings_of
 from graycard.methods.splat import Surfels, surfels_from_points
 
 STEP = 0.05
@@ -90,6 +90,16 @@ def test_light_by_way_is_found_light_by_light(box: tuple[Surfels, torch.Tensor, 
     falls = 4 * np.pi / 6
     series = sum(0.5**n for n in range(1, BOUNCES + 1))
     assert float(both[:, 0, 0].mean()) == pytest.approx(falls * series, rel=0.1)
+
+
+def test_rays_to_the_nodes_alone_find_what_rays_to_all_find(box: tuple[Surfels, torch.Tensor, Bounces]):
+    """To the bit: fits trace to the nodes alone."""
+    surfels, _, bounces = box
+    places = torch.tensor([[0.0, 0.0, 0.0], [0.2, -0.3, 0.1], [0.6, 0.6, 0.6]])
+    whole = lamp_visibility(surfels, surfels.centres, places, 0.3)
+    part = lamp_visibility(surfels, surfels.centres[bounces.nodes], places, 0.3)
+    assert torch.equal(part, whole[torch.from_numpy(bounces.nodes)])
+    assert 0 < float(part.mean()) < 1
 
 
 def test_a_sky_sends_light_by_way_too():

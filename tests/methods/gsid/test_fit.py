@@ -34,15 +34,17 @@ from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import (
     BASE_COLOR,
     METALLIC,
+    OPEN,
     ROUGHNESS,
     SHADOW,
     Reach,
+    ground_of,
     picture_of,
     pixels_of,
     seen_anew,
 )
 from graycard.methods.gsid._objective import few
-from graycard.methods.gsid._stage import LightStage, objective_in, reach_in
+from graycard.methods.gsid._stage import LightStage, objective_in, reach_in, renewed
 from graycard.methods.gsid._start import samples_in
 from graycard.methods.shading import lamp_visibility, look_up, surroundings_of, unevenness
 from graycard.methods.splat import (
@@ -52,6 +54,7 @@ from graycard.methods.splat import (
     ROTATIONS,
     Parameters,
     initial_state,
+    rasterize_features,
     view_at,
     windows_of,
 )
@@ -278,6 +281,28 @@ def test_a_tile_is_a_part_of_its_view(world: World):
         torch.testing.assert_close(pixels.normal, window.of(shot.ground.normal))
 
 
+def test_light_arrives_on_surfaces_as_they_are_now(world: World):
+    """Views keep the surfaces of the beginning; what surfels receive is drawn on those that have moved."""
+    moving = stage_of(world, replace(QUICK, geometry_rate=0.1))
+    parameters = state_of(world, TRUE).parameters
+    parameters.surfels[LOGITS].fill_(-1.0)
+    now = renewed(moving, parameters)
+    fresh = [
+        replace(s, ground=ground_of(now.surfels, s.ground.camera, world.surface[OPEN])) for s in world.shots
+    ]
+    found, wanted = (reach_in(stage, parameters) for stage in (now, replace(now, shots=fresh)))
+    before = reach_in(moving, parameters)
+    for one, other, old in zip(found, wanted, before, strict=True):
+        assert one.shadows is not None
+        assert other.shadows is not None
+        assert torch.equal(one.shadows, other.shadows)
+        assert old.shadows is not None
+        assert not torch.equal(one.shadows, old.shadows)
+    for shot in fresh:
+        alone = rasterize_features(now.surfels, shot.ground.camera, features=torch.ones(len(now.surfels), 1))
+        assert torch.equal(alone.alpha, shot.ground.drawn.alpha)
+
+
 def test_places_stand_still_and_the_rest_of_geometry_follows(world: World):
     moving = replace(QUICK, geometry_rate=0.1)
     before = {name: values.clone() for name, values in world.surface.items()}
@@ -305,7 +330,7 @@ def test_shaded_surfels_look_like_shaded_pixels(world: World):
         drawn = [
             draw(
                 world.surface, shot.ground, lights,
-                reach_in_view(world.surfels, shot.ground, Reach(reached), settings), settings, EXTENT,
+                reach_in_view(world.surfels, shot.ground.camera, Reach(reached), settings), settings, EXTENT,
             )
             for settings in (stage.settings, forward)
         ]  # fmt: skip
