@@ -79,8 +79,8 @@ def _true_layers(
     Raises:
         DatasetError: The scene has not all that are required.
     """
-    room = Room()
-    layers = {view.name: room.keep(_pick(truth, view.name, wanted)) for view in capture.views}
+    with Room() as room:
+        layers = {view.name: room.keep(_pick(truth, view.name, wanted)) for view in capture.views}
     absent = required.difference(*layers.values())
     if absent:
         raise DatasetError(

@@ -245,6 +245,13 @@ def test_a_confined_process_is_restricted_as_a_whole_and_knows_nothing_of_who_st
     assert outcome.value["found"] == 0
 
 
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc's allocator is set")
+def test_a_confined_process_keeps_freed_memory_for_the_next_array():
+    """Fits run there, and each step makes arrays of the same sizes."""
+    (outcome,) = run_all(ask, ["nothing"], 1, silent, limits=Limits(60.0, 4096), confines=SERVE)
+    assert outcome.value["faults"][1] < 5
+
+
 @pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
 def test_landlock_opens_what_rules_say(tmp_path: Path):
     (tmp_path / "own").mkdir()

@@ -37,10 +37,11 @@ class ExposedPhotograph:
 
 def photographs(capture: Capture) -> list[ExposedPhotograph]:
     """Return the training views, linear and exposed."""
-    found, room = [], Room()
-    for view in capture.train:
-        exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
-        found.append(room.keep(ExposedPhotograph(view.camera, torch.from_numpy(exposed))))
+    found = []
+    with Room() as room:
+        for view in capture.train:
+            exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
+            found.append(room.keep(ExposedPhotograph(view.camera, torch.from_numpy(exposed))))
     return found
 
 

@@ -64,11 +64,12 @@ def training_views(
     Raises:
         MethodError: An answer of the prior is not sound.
     """
-    found, room = [], Room()
-    for number, photograph in enumerate(photographs(capture, settings)):
-        shot = _shot(capture, priors, number, photograph, masks[number], settings)
-        glossy, target, normal = room.keep((shot.glossy, shot.target, shot.normal))
-        found.append(replace(shot, glossy=glossy, target=target, normal=normal))
+    found = []
+    with Room() as room:
+        for number, photograph in enumerate(photographs(capture, settings)):
+            shot = _shot(capture, priors, number, photograph, masks[number], settings)
+            glossy, target, normal = room.keep((shot.glossy, shot.target, shot.normal))
+            found.append(replace(shot, glossy=glossy, target=target, normal=normal))
     return found
 
 

@@ -35,13 +35,14 @@ def guesses_of(capture: Capture, priors: Priors) -> list[MaterialGuess]:
     Raises:
         MethodError: An answer is not sound.
     """
-    found, room = [], Room()
-    for view in capture.train:
-        image = capture.photograph(view) * np.float32(capture.exposure)
-        answers = {
-            kind: torch.from_numpy(getattr(priors, kind)(image, view).astype(np.float32))
-            for kind in KINDS
-            if kind in priors.kinds
-        }
-        found.append(room.keep(MaterialGuess(**answers)))
+    found = []
+    with Room() as room:
+        for view in capture.train:
+            image = capture.photograph(view) * np.float32(capture.exposure)
+            answers = {
+                kind: torch.from_numpy(getattr(priors, kind)(image, view).astype(np.float32))
+                for kind in KINDS
+                if kind in priors.kinds
+            }
+            found.append(room.keep(MaterialGuess(**answers)))
     return found

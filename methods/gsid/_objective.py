@@ -81,11 +81,12 @@ def deferred_views(
     capture: Capture, grounds: Iterable[Ground], guesses: Sequence[MaterialGuess]
 ) -> list[DeferredView]:
     """Return the training views, exposed."""
-    found, room = [], Room()
-    for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
-        linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
-        kept = room.keep((linear, srgb_encode_tensor(linear), ground))
-        found.append(DeferredView(*kept, guess))
+    found = []
+    with Room() as room:
+        for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
+            linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
+            kept = room.keep((linear, srgb_encode_tensor(linear), ground))
+            found.append(DeferredView(*kept, guess))
     return found
 
 

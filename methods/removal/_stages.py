@@ -148,13 +148,14 @@ def shown(
         weights: Shape ``(H, W)`` each: of the pixels in the loss.
         settings: Of the sky.
     """
-    found, room = [], Room()
-    for target, weight in zip(targets, weights, strict=True):
-        camera = target.behind.view.camera
-        picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
-        sky = sky_basis(camera, settings.sky_degree)
-        weigh = torch.from_numpy(weight.astype(np.float32))
-        found.append(room.keep(EncodedPhotograph(camera, picture, sky, weigh)))
+    found = []
+    with Room() as room:
+        for target, weight in zip(targets, weights, strict=True):
+            camera = target.behind.view.camera
+            picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
+            sky = sky_basis(camera, settings.sky_degree)
+            weigh = torch.from_numpy(weight.astype(np.float32))
+            found.append(room.keep(EncodedPhotograph(camera, picture, sky, weigh)))
     return found
 
 

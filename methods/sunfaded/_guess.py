@@ -40,11 +40,12 @@ def guesses(capture: Capture, priors: Priors, images: Iterable[np.ndarray]) -> l
     Raises:
         MethodError: An answer is not sound.
     """
-    found, room = [], Room()
-    for view, image in zip(capture.train, images, strict=True):
-        depth = float_tensor(priors.depth(image, view)) if "depth" in priors.kinds else None
-        normal = float_tensor(priors.normal(image, view)) if "normal" in priors.kinds else None
-        found.append(room.keep(GeometryGuess(depth, normal)))
+    found = []
+    with Room() as room:
+        for view, image in zip(capture.train, images, strict=True):
+            depth = float_tensor(priors.depth(image, view)) if "depth" in priors.kinds else None
+            normal = float_tensor(priors.normal(image, view)) if "normal" in priors.kinds else None
+            found.append(room.keep(GeometryGuess(depth, normal)))
     return found
 
 

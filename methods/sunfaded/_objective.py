@@ -45,14 +45,15 @@ class DisplayedPhotograph:
 
 def photographs(capture: Capture, settings: SunFadedSettings) -> list[DisplayedPhotograph]:
     """Return the training views, exposed, encoded and weighted."""
-    found, room = [], Room()
-    for view in capture.train:
-        exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
-        shown = srgb_encode_tensor(torch.from_numpy(exposed))
-        linear = settings.space == "linear" and settings.weight == "log_minmax"
-        picture = exposed if linear else shown.numpy()
-        weight = torch.from_numpy(unlit_weight(picture, settings))[..., None]
-        found.append(room.keep(DisplayedPhotograph(view.camera, shown, weight, lens_of(view.camera))))
+    found = []
+    with Room() as room:
+        for view in capture.train:
+            exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
+            shown = srgb_encode_tensor(torch.from_numpy(exposed))
+            linear = settings.space == "linear" and settings.weight == "log_minmax"
+            picture = exposed if linear else shown.numpy()
+            weight = torch.from_numpy(unlit_weight(picture, settings))[..., None]
+            found.append(room.keep(DisplayedPhotograph(view.camera, shown, weight, lens_of(view.camera))))
     return found
 
 

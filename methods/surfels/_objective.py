@@ -82,12 +82,14 @@ class EncodedPhotograph:
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:
     """Return the training views, exposed and encoded, and where they are full if exposures differ."""
-    found, room = [], Room()
-    for view in capture.train:
-        linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
-        sky = sky_basis(view.camera, settings.sky_degree)
-        full = _full(linear, view, capture.sensor)
-        found.append(room.keep(EncodedPhotograph(view.camera, srgb_encode_tensor(linear), sky, full=full)))
+    found = []
+    with Room() as room:
+        for view in capture.train:
+            linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
+            sky = sky_basis(view.camera, settings.sky_degree)
+            full = _full(linear, view, capture.sensor)
+            encoded = srgb_encode_tensor(linear)
+            found.append(room.keep(EncodedPhotograph(view.camera, encoded, sky, full=full)))
     return found
 
 

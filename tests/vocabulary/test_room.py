@@ -218,6 +218,16 @@ def test_a_tensor_with_a_gradient_is_refused() -> None:
         Room(0).keep(torch.rand(*LARGE, requires_grad=True))
 
 
+def test_values_that_a_record_holds_twice_are_kept_once() -> None:
+    image = torch.rand(*LARGE)
+    for limit in (0, 2 * image.nbytes):
+        room = Room(limit)
+        first, second = room.keep((Part(image), {"again": image}))
+        assert first.image is second["again"]
+        assert torch.equal(first.image, image)
+        assert room.left == max(0, limit - image.nbytes)
+
+
 @pytest.mark.parametrize("dtype", [">f4", "U8", "O"])
 def test_arrays_of_other_kinds_stay_as_they_are(dtype: str) -> None:
     array = np.zeros(LARGE, dtype)
@@ -232,12 +242,13 @@ def test_memory_is_bounded_however_many_views_there_are(limit: str, ends: int) -
         "from pathlib import Path\n"
         "from graycard.io import Room\n"
         "torch.set_num_threads(1)\n"
-        f"room, kept = Room({limit}), []\n"
+        "kept = []\n"
         "told = Path('/proc/self/status').read_text().partition('VmData:')[2]\n"
         "most = int(told.split()[0]) * 1024 + 100 * 2**20\n"
         "resource.setrlimit(resource.RLIMIT_DATA, (most, most))\n"
-        "for number in range(40):\n"
-        "    kept.append(room.keep(torch.full((1 << 20,), float(number))))\n"
+        f"with Room({limit}) as room:\n"
+        "    for number in range(40):\n"
+        "        kept.append(room.keep(torch.full((1 << 20,), float(number))))\n"
         "assert [float(one[-1]) for one in kept] == list(range(40))\n"
         "joined = room.joined(one.numpy() for one in kept)\n"
         "assert joined[:: 1 << 20].tolist() == list(range(40))\n"

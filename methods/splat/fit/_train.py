@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from graycard import Progress
-from graycard.io import keep_freed_memory, peak_memory_mib
+from graycard.io import peak_memory_mib
 from graycard.methods._resumed import add_resumed
 from graycard.methods.splat._devices import CPU, FitBackend, device_of, on_device
 from graycard.methods.splat.fit._checkpoint import NOTHING_SPENT, Checkpoint, Spent, load_saved, save_state
@@ -104,7 +104,6 @@ def train(state: FitState, config: TrainConfig, objective: Objective, progress: 
             back end cannot run here.
         OutputError: The checkpoint cannot be written.
     """
-    keep_freed_memory()  # what was kept of views may have undone that, and each step makes the same arrays
     device = device_of(config.backend)
     saved = None if config.checkpoint is None else load_saved(config.checkpoint)
     state, before = (state, NOTHING_SPENT) if saved is None else saved

@@ -15,11 +15,11 @@ import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 
-from graycard.io._memory import hand_back_freed_memory
+from graycard.io._memory import hand_back_freed_memory, keep_freed_memory
 from graycard.resources import free_memory
 
 if TYPE_CHECKING:
@@ -34,7 +34,11 @@ RecordT = TypeVar("RecordT")
 
 
 class Room:
-    """Keeps arrays and tensors of one kind of record, such as the photographs of a fit."""
+    """Keeps arrays and tensors of one kind of record, such as the photographs of a fit.
+
+    ``with Room() as room:`` goes round a loop that reads such records and does little else. There memory of
+    what went into files is handed back to the system at once. Elsewhere arrays are made faster without.
+    """
 
     def __init__(self, limit: int | None = None) -> None:
         """Make room.
@@ -44,6 +48,19 @@ class Room:
         """
         self.left = int(SHARE * _memory()) if limit is None else limit
         self.fails = False
+        self._reads = self._hands_back = False
+        self._met: dict[int, Any] = {}
+
+    def __enter__(self) -> Self:
+        """Begin to read records."""
+        self._reads = True
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        """Keep freed memory again for the next array."""
+        if self._hands_back:
+            keep_freed_memory()
+        self._reads = self._hands_back = False
 
     def keep(self, record: RecordT) -> RecordT:
         """Return a record with the same values, which are in memory or in a file.
@@ -58,7 +75,10 @@ class Room:
         Raises:
             ValueError: A tensor has a gradient.
         """
-        return cast(RecordT, self._kept(record))
+        self._met = {}
+        kept = cast(RecordT, self._kept(record))
+        self._met = {}
+        return kept
 
     def joined(self, parts: Iterable[np.ndarray]) -> np.ndarray:
         """Return what arrays hold, one after another along their first axis, as :func:`numpy.concatenate`.
@@ -82,10 +102,11 @@ class Room:
         return np.concatenate(kept) if found is None else found.numpy()
 
     def _kept(self, record: Any) -> Any:
-        if _is_tensor(record):
-            return self._tensor(record)
-        if isinstance(record, np.ndarray):
-            return self._array(record)
+        if _is_tensor(record) or isinstance(record, np.ndarray):
+            if id(record) not in self._met:  # a record may hold the same values twice
+                array = isinstance(record, np.ndarray)
+                self._met[id(record)] = self._array(record) if array else self._tensor(record)
+            return self._met[id(record)]
         if is_dataclass(record) and not isinstance(record, type):
             parts = {one.name: getattr(record, one.name) for one in fields(record) if one.init}
             changed = {name: new for name, old in parts.items() if (new := self._kept(old)) is not old}
@@ -119,10 +140,13 @@ class Room:
         if self.fails:
             return None
         try:
-            return mapped(parts)
+            found = mapped(parts)
         except (OSError, RuntimeError):  # torch raises the latter where the system maps no more
             self.fails = True
             return None
+        if self._reads:  # memory is short, and the values that were mapped leave a hole
+            self._hands_back = hand_back_freed_memory()
+        return found
 
     def _fits(self, size: int) -> bool:
         """Take room for so many bytes, if they stay in memory."""
@@ -171,5 +195,4 @@ def mapped(parts: Sequence[np.ndarray]) -> torch.Tensor:
             file.write(np.ascontiguousarray(part).data)
         file.flush()
         found = torch.from_file(file.name, True, math.prod(shape), dtype=dtype).view(shape)
-    hand_back_freed_memory()  # memory is short, and the values that were mapped leave a hole
     return found

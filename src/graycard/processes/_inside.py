@@ -22,7 +22,7 @@ from typing import Any, NoReturn
 
 from threadpoolctl import threadpool_limits
 
-from graycard.io import from_builtins
+from graycard.io import from_builtins, keep_freed_memory
 from graycard.processes._channel import Channel, ChannelError, Message
 from graycard.processes._family import MARK, adopt_orphans, end_adopted, lead_family
 from graycard.processes._guard import Guard
@@ -45,6 +45,7 @@ def serve_starts(serve: str, control: str) -> NoReturn:
         serve: ``module:function``.
         control: Descriptor of a socket that brings requests and takes answers.
     """
+    keep_freed_memory()  # forks do so, too
     lead_family()
     adopt_orphans()
     sys.argv[:] = ["graycard"]
