@@ -17,7 +17,7 @@ from graycard.methods.surfels._colour import srgb_encode_tensor
 from graycard.methods.surfels._ncc import SweptView
 from graycard.methods.surfels._planes import with_planes
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
-from graycard.methods.surfels._transfer import HIDES, depth_ratio
+from graycard.methods.surfels._transfer import count_hidden
 from graycard.methods.surfels._triangles import filled_depth
 
 MANY = 4
@@ -122,7 +122,6 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
         MethodError: Stereo is sure of nothing.
     """
     room = Room()
-    sure = [room.keep(np.where(one.sure, one.depth, np.nan)) for one in swept]
     if not any(one.sure.any() for one in swept):
         raise MethodError(
             "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
@@ -132,13 +131,13 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
     far = float(np.quantile(all_sure, FAR, overwrite_input=True))
     del all_sure
     dense = []
-    for camera, one, known in zip(cameras, swept, sure, strict=True):
-        depth = np.where(one.sure, known, _guess(one))
-        hidden = np.zeros(depth.shape, bool)
-        for other, its in zip(cameras, sure, strict=True):
+    for camera, one in zip(cameras, swept, strict=True):
+        depth = np.where(one.sure, one.depth, _guess(one))
+        hides = np.zeros((1, *depth.shape), np.int32)
+        for other, its in zip(cameras, swept, strict=True):
             if other is not camera:
-                hidden |= depth_ratio(camera, depth, other, its) < 1 - HIDES
-        wrong = ~one.sure & (hidden | ~np.isfinite(depth))
+                count_hidden(camera, depth[None], other, its.depth, its.sure, hides)
+        wrong = ~one.sure & ((hides[0] > 0) | ~np.isfinite(depth))
         dense.append(room.keep(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest")))
     return dense
 

@@ -18,7 +18,7 @@ from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import Ease, semi_global
 from graycard.methods.surfels._sweep import SweptDepth, partners_of
-from graycard.methods.surfels._transfer import HIDES, depth_ratio
+from graycard.methods.surfels._transfer import count_hidden
 
 MOST = 6
 """Planes that are looked for."""
@@ -189,11 +189,10 @@ def _on_planes(
     ncc = mean_ncc(view, partners, 1 / depths, WINDOW)
     cost = np.where(valid, 1 - np.maximum(ncc, FAINT), 2.0)
     cost[0] += np.where(found.sure, 0, SURFACE)
-    blocks = np.zeros(depths[1:].shape, np.int64)
+    blocks = np.zeros(depths[1:].shape, np.int32)
     for other, (seen, its) in enumerate(zip(views, swept, strict=True)):
         if other != number:
-            sure = np.where(its.sure, its.depth, np.nan)
-            blocks += depth_ratio(view.camera, depths[1:], seen.camera, sure) < 1 - HIDES
+            count_hidden(view.camera, depths[1:], seen.camera, its.depth, its.sure, blocks)
     cost[1:] += IN_THE_WAY * blocks
     label = semi_global(np.moveaxis(cost, 0, -1), CHANGE, CHANGE, _edges(view)).argmin(axis=-1)
     chosen = np.take_along_axis(depths, label[None], axis=0)[0]

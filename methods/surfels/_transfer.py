@@ -44,6 +44,55 @@ def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndar
     return ratio.reshape(depth.shape)
 
 
+def count_hidden(
+    camera: Camera, depth: np.ndarray, other: Camera, there: np.ndarray, sure: np.ndarray, counts: np.ndarray
+) -> None:
+    """Add one wherever a point of a view would hide what another view is sure to see.
+
+    It is :func:`depth_ratio` below ``1 - HIDES``, without an array of ratios.
+
+    Args:
+        camera: Of the view.
+        depth: shape ``(K, H, W)``, its z-depth, metres.
+        other: The other camera.
+        there: shape ``(H', W')``, z-depth of the other view.
+        sure: shape ``(H', W')``, bool: where that is sure.
+        counts: shape ``(K, H, W)``, int32, C order: added to.
+    """
+    here, seen = (np.ascontiguousarray(values, dtype=np.float64) for values in (depth, there))
+    shape = depth.size // depth.shape[-1], depth.shape[-1]
+    told = here.reshape(shape), camera.height, transfer(camera, other), seen, np.ascontiguousarray(sure)
+    _count(*told, 1 - HIDES, counts.reshape(shape))
+
+
+@njit(cache=True, error_model="numpy")
+def _count(depth, rows, pair, there, sure, least, counts):
+    """Count in parts of the rows; see ``count_hidden``."""
+    run(task(_count_some, (depth, rows, pair, there, sure, least, counts)))
+
+
+@njit(error_model="numpy", **UNWRAPPED)
+def _count_some(part, parts, depth, rows, pair, there, sure, least, counts):
+    """Count in a part of the rows."""
+    height, width = there.shape
+    first, past = share(part, parts, depth.shape[0])
+    for row in range(first, past):
+        for column in range(depth.shape[1]):
+            x, y, z = _there(pair, depth[row, column], column, row % rows)
+            inside = z > 0 and 0 <= x < width and 0 <= y < height
+            if inside and sure[int(y), int(x)] and z / there[int(y), int(x)] < least:
+                counts[row, column] += 1
+
+
+@njit(**INLINED)
+def _there(pair, depth, column, row):
+    """Return a point's pixel in the other image, and its z-depth there."""
+    homography, epipole = pair
+    across, down, along = transferred(homography, column + 0.5, row + 0.5)
+    z = depth * along + epipole[2]
+    return (depth * across + epipole[0]) / z, (depth * down + epipole[1]) / z, z
+
+
 @njit(**INLINED)
 def transferred(homography, x, y):
     """Return a pixel at infinity in the other image, homogeneous."""
@@ -71,14 +120,10 @@ def _ratios(depth, rows, pair, there, ratio):
 @njit(error_model="numpy", **UNWRAPPED)
 def _some_ratios(part, parts, depth, rows, pair, there, ratio):
     """Write a part of the rows."""
-    homography, epipole = pair
     height, width = there.shape
     first, past = share(part, parts, depth.shape[0])
     for row in range(first, past):
         for column in range(depth.shape[1]):
-            across, down, along = transferred(homography, column + 0.5, row % rows + 0.5)
-            z = depth[row, column] * along + epipole[2]
-            x = (depth[row, column] * across + epipole[0]) / z
-            y = (depth[row, column] * down + epipole[1]) / z
+            x, y, z = _there(pair, depth[row, column], column, row % rows)
             if z > 0 and 0 <= x < width and 0 <= y < height:
                 ratio[row, column] = z / there[int(y), int(x)]

@@ -13,7 +13,7 @@ from graycard.methods.surfels._ncc import NOISE, SweptView, mean_ncc
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._planes import with_planes
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
-from graycard.methods.surfels._transfer import depth_ratio
+from graycard.methods.surfels._transfer import HIDES, count_hidden, depth_ratio
 from graycard.methods.surfels._triangles import filled_depth
 
 HEIGHT, WIDTH = 22, 31
@@ -131,6 +131,21 @@ def test_ratio_of_depths_is_that_of_points_in_the_world():
     both = depth_ratio(here, np.stack([np.ones_like(depth), depth]), other, there)
     np.testing.assert_allclose(depth_ratio(here, depth, other, there), expected, rtol=1e-12)
     np.testing.assert_array_equal(both[1], depth_ratio(here, depth, other, there))
+
+
+def test_what_hides_is_counted_as_ratios_say():
+    """To the bit, also where the other view is not sure or sees nothing."""
+    here, other = camera_at(0, 0), camera_at(0.5, -0.2, 27)
+    random = np.random.default_rng(0)
+    depth, there = random.uniform(0.3, 3, (2, HEIGHT, WIDTH)), random.uniform(1, 2, (HEIGHT, 27))
+    depth[0, :3], there[5] = np.nan, np.nan
+    for kind in (np.float64, np.float32):
+        sure, counts = random.random(there.shape) > 0.3, np.full(depth.shape, 7, np.int32)
+        told = there.astype(kind)
+        hides = depth_ratio(here, depth, other, np.where(sure, told, np.nan)) < 1 - HIDES
+        count_hidden(here, depth, other, told, sure, counts)
+        np.testing.assert_array_equal(counts - 7, hides)
+        assert 0.05 < hides.mean() < 0.9
 
 
 def test_points_behind_the_other_view_have_no_ratio():
