@@ -278,6 +278,12 @@ def find_fit(job: FitJob) -> Outcome | None:
     return Outcome(reused=True, value=done.fitted) if whole else None
 
 
+def is_told_done(job: FitJob) -> bool:
+    """Tell whether ``job.json`` says that a fit is done; its predictions are not read."""
+    done = read_or_none(Done, job.folder / DONE)
+    return done is not None and done.job_hash == job.job_hash
+
+
 def find_scores(job: FitJob) -> Outcome | None:
     """Return the scores of exactly these predictions, this truth and these metrics.
 

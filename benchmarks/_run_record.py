@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``run.json``: records of a bench, and of an earlier bench in the same folder."""
 
+import contextlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -104,7 +105,9 @@ def noisy_scenes(suite: Suite, record: RunRecord, run: Path) -> list[str]:
     found = []
     for scene in record.scenes:
         truth, wanted = run / scene.folder / "truth", suite.ceilings.get(scene.track, 0.0)
-        ceiling = open_truth(truth, check=False).noise_ceiling if wanted and truth.is_dir() else None
+        ceiling = None
+        with contextlib.suppress(GraycardError):  # its files may be gone, as those of another machine
+            ceiling = open_truth(truth, check=False).noise_ceiling if wanted else None
         if ceiling is not None and ceiling < wanted:
             found.append(
                 f"{scene.track}/{scene.scene} has a noise ceiling of {ceiling:.1f} dB, not {wanted:g}"
@@ -327,15 +330,15 @@ def _add(found: list[dict[str, Any]], place: dict[str, Any], jobs: list[str], ow
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
-    """Return whether each fit of a record is in the earlier one by its hash: made by the same code from the
-    same.
+    """Return whether each fit of a record is in the earlier one, by its hash and by what it took.
 
-    That its results lay in the folder is not enough: a bench that was killed leaves results there which
-    no record tells of, and the environment of the record before is not theirs.
+    That its results lay in the folder is not enough: a bench that was killed, or a part of a run, leaves
+    results there which no record tells of, and the environment of the record before is not theirs.
     """
-    known = {(_key(result.job), result.job_hash) for result in before.results}
+    known = {(_key(result.job), result.job_hash): result.cost for result in before.results}
     fits = [result for result in record.results if result.job.entry]
-    return all((_key(result.job), result.job_hash) in known for result in fits)
+    keys = [(_key(fit.job), fit.job_hash) for fit in fits]
+    return all(key in known and known[key] == fit.cost for key, fit in zip(keys, fits, strict=True))
 
 
 def _key(job: Job) -> tuple[str, str, str, int]:

@@ -5,6 +5,7 @@
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
     RUN/run.json comparison.json suite.json
     RUN/stages/<code>/<capture>/   what fits leave for each other until all are done
+    RUN/places/   which machine made the fits of each part, where there are parts
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -55,12 +56,12 @@ from graycard.benchmarks._suites import Suite
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import (
     Part,
+    Place,
     clear_stages,
     part_of_plan,
     plan_fits,
     render_scenes,
     staging,
-    tell_place,
     with_places_of_parts,
 )
 from graycard.eval import all_metrics
@@ -234,10 +235,9 @@ def run_part(
     if scenes.start == scenes.stop:
         return ()
     with tidied(bench.run, bench.dataset):
-        rendered = _render(bench, bench.suite.scenes[scenes])
-        plan = _planned(bench, known, rendered)[own]
-        tell_place(run, part, plan, rendered)
-        fitted = _fit(bench, plan)
+        origins = environment()
+        plan = _planned(bench, known, _render(bench, bench.suite.scenes[scenes]))[own]
+        fitted = _fit(bench, plan, origins, part)
         return results_of(fitted, _score(bench, fitted), run)
 
 
@@ -263,13 +263,13 @@ def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
     scenes = _render(bench, bench.suite.scenes)
     plan = _planned(bench, known, scenes)
-    tell_place(bench.run, None, plan, scenes)
-    fitted = _fit(bench, plan)
+    fitted = _fit(bench, plan, origins)
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         clear_stages(bench.run, plan)  # nothing can go on from them any more
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
-    return Measured(with_places_of_parts(record, bench.run), _all_reused(fitted, scored))
+    reused = all(outcome.reused for outcome in (*_of_fits(fitted), *_of_fits(scored)))
+    return Measured(with_places_of_parts(record, bench.run), reused)
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
@@ -295,13 +295,16 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     return replace(bench, suite=replace(bench.suite, methods=tuple(methods))), rows
 
 
-def _fit(bench: Bench, plan: Sequence[FitJob]) -> Fits:
-    """Make all predictions."""
+def _fit(bench: Bench, plan: Sequence[FitJob], origins: Mapping[str, Any], part: Part | None = None) -> Fits:
+    """Make all predictions, and write down where, if the run has parts."""
+    place = Place.told(bench.run, part, plan, {**origins, **of_machines(bench.terms.machines)})
     given = run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits
     with staging(bench.run):
         outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
     fitted = list(zip(plan, outcomes, strict=True))
     check_seen(job.folder / DONE for job, outcome in fitted if not outcome.reason)
+    if place:
+        place.made(fitted)
     return fitted
 
 
@@ -339,11 +342,6 @@ def _record(
         edition=bench.terms.edition,
         commitment=commitment_of(suite),
     )
-
-
-def _all_reused(fitted: Fits, scored: Fits) -> bool:
-    """Tell whether the run found every fit and every score done."""
-    return all(outcome.reused for outcome in (*_of_fits(fitted), *_of_fits(scored)))
 
 
 def _of_fits(done: Fits) -> list[Outcome]:

@@ -11,7 +11,7 @@ from graycard import GraycardError
 from graycard.benchmarks import Part, _runner, parse_part
 from graycard.benchmarks._run_record import check_seen
 from graycard.benchmarks._sources import environment
-from graycard.benchmarks.planning import _places, with_places_of_parts
+from graycard.benchmarks.planning import with_places_of_parts
 from graycard.cli import main
 from graycard.io import read_json, write_json
 from graycard.records import read_run
@@ -84,38 +84,49 @@ def test_a_record_says_which_machines_did_the_parts(
 
     for number, cpu in ((1, "of a node"), (2, "of another node"), (3, "of a node")):
         place = {**environment(), "cpu": cpu}
-        monkeypatch.setattr(_places, "environment", lambda place=place: place)
+        monkeypatch.setattr(_runner, "environment", lambda place=place: place)
         assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
         assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0, "nothing is told anew"
     assert len(list((run / "places").iterdir())) == 3
     (run / "places" / "9-of-9-1.json").write_text("{")
+    monkeypatch.setattr(_runner, "environment", environment)
     assert main(["bench", suite, "--out", str(run)]) == 0
     assert earlier() == [("of a node", 7), ("of another node", 3)]
     assert main(["bench", suite, "--out", str(run)]) == 0
     assert earlier() == [("of a node", 7), ("of another node", 3)]
     place = {**environment(), "cpu": "of the login node"}
-    for module in (_places, _runner):
-        monkeypatch.setattr(module, "environment", lambda: place)
+    monkeypatch.setattr(_runner, "environment", lambda: place)
     shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
     for _ in range(2):
         assert main(["bench", suite, "--out", str(run)]) == 0
         assert sum(count for _, count in earlier()) == 9
         assert "of the login node" not in dict(earlier())
+    monkeypatch.setattr(_runner, "environment", lambda: {**place, "cpu": "of a third node"})
+    shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
+    for number in (1, 2, 3):
+        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
+    monkeypatch.setattr(_runner, "environment", lambda: place)
+    assert main(["bench", suite, "--out", str(run)]) == 0
+    assert dict(earlier())["of a third node"] == 1, "a part that came after a gathering"
+    assert sum(count for _, count in earlier()) == 10
 
 
-def test_of_two_tasks_that_took_a_job_the_later_one_made_it(made_run: Path, tmp_path: Path) -> None:
-    """The first was ended before its fit; a place that is the record's own is not told."""
+def test_of_two_that_took_a_job_one_made_it(made_run: Path, tmp_path: Path) -> None:
+    """It is the one that says so; where both were ended too early, the later one is told."""
     record = read_run(made_run)
     own = dict(record.environment)
     jobs = [result.job_hash[:12] for result in record.results if result.cost]
     for number, cpu in enumerate(("first", "second"), 1):
-        told = {**own, "cpu": cpu, "jobs": [jobs[0], "of another run"]}
+        told = {**own, "cpu": cpu, "made": False, "jobs": [jobs[0], "of another run"]}
         write_json(tmp_path / "places" / f"1-of-2-{10**18 + number}.json", told)
     assert with_places_of_parts(record, tmp_path).environment["earlier"] == [
         {**own, "cpu": "second", "jobs": jobs[:1]}
     ]
-    write_json(tmp_path / "places" / f"1-of-2-{10**18 + 3}.json", {**own, "jobs": jobs[:1]})
-    assert with_places_of_parts(record, tmp_path) == record
+    first = tmp_path / "places" / f"1-of-2-{10**18 + 1}.json"
+    write_json(first, {**own, "cpu": "first", "made": True, "jobs": jobs[:1]})
+    assert [one["cpu"] for one in with_places_of_parts(record, tmp_path).environment["earlier"]] == ["first"]
+    write_json(first, {**own, "renderer": [], "machines": ["a node"], "made": True, "jobs": jobs[:1]})
+    assert with_places_of_parts(record, tmp_path) == record, "the record's own place"
 
 
 def test_more_parts_than_jobs_leave_some_without(

@@ -117,7 +117,7 @@ class BenchCommand:
         refuse_scenes(self.suite)
         self._check()
         self._size()
-        salt = None if self.salt is None else salt_in(self.salt, terminal)
+        suite, salt = load_suite(self.suite), None if self.salt is None else salt_in(self.salt, terminal)
         jobs = usable_cores() if self.jobs is None else self.jobs
         terminal.advise(find_llvm().advice)
         with self._machines(jobs, terminal) as machines, terminal.progress(f"suite {self.suite}") as progress:
@@ -129,7 +129,7 @@ class BenchCommand:
             report = write_report(run)
         for first, *more in run_lines(record):
             terminal.say(f"warning: {first}", *more)
-        if noisy := noisy_scenes(load_suite(self.suite), record, run):
+        if noisy := noisy_scenes(suite, record, run):
             terminal.say("warning: scenes are noisier than their suite allows", *noisy)
         failures = failed_lines(record.results)
         for line in failures:
