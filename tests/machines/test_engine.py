@@ -133,12 +133,22 @@ def test_a_machine_with_another_compiler_of_the_renderer_is_another(
 ) -> None:
     """Its scenes would have other bits, or lack layers."""
     wanted = origin()
-    found = LLVM(path, 18, source="system") if path else LLVM(None, None, "No LLVM library was found")
+    found = LLVM(path, 18) if path else LLVM(None, None, "No LLVM library was found")
     monkeypatch.setattr(_origin, "find_llvm", lambda: found)
     _origin._installed.cache_clear()
-    own = "18 (system)" if path else "none"
+    own = path.name if path else "none"
     assert differences(wanted) == [f"LLVM of the renderer {own} and not {wanted['LLVM of the renderer']}"]
     _origin._installed.cache_clear()
+
+
+@pytest.mark.parametrize(("here", "there", "same"), [("none", "1.5.3", True), ("1.5.2", "1.5.3", False)])
+def test_machines_without_a_gpu_need_no_gsplat(
+    here: str, there: str, same: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {**origin(), "gsplat": here}
+    monkeypatch.setattr(_origin, "origin", lambda: own)
+    assert (differences({**own, "gsplat": there}) == []) is same
+    assert (_origin.differences({**own, "gsplat": "none"}) == []) is True
 
 
 class Few:

@@ -91,12 +91,16 @@ def test_a_batch_job_is_one_worker_with_what_a_job_takes(written: Written) -> No
     assert f'"MEMORY={15 * 2**30} GPU=1"' in options["worker_extra_args"]
 
 
-def test_arguments_of_workers_come_after_those_that_jobs_need(written: Written) -> None:
-    """Without what they offer, workers would be given no job."""
-    more = '[options]\nworker_extra_args = ["--lifetime", "55m"]'
+def test_arguments_of_workers_come_before_those_that_jobs_need(written: Written) -> None:
+    """Dask takes the last of two that are alike: without what they offer, workers would be given no job."""
+    more = '[options]\nworker_extra_args = ["--lifetime", "55m", "--resources", "x=1"]'
     args = batch_options(written(f'kind = "slurm"\nmemory_gib = 1\n{more}'))["worker_extra_args"]
-    assert args[0] == "--resources"
-    assert args[-2:] == ["--lifetime", "55m"]
+    assert args == [
+        "--lifetime", "55m", "--resources", "x=1", "--resources", f'"MEMORY={2**30}"', "--memory-limit", "0",
+    ]  # fmt: skip
+    text = '[options]\nworker_extra_args = "--lifetime 55m"'
+    with pytest.raises(MachineError, match="expected a list of worker_extra_args, got '--lifetime 55m'"):
+        batch_options(written(f'kind = "slurm"\nmemory_gib = 1\n{text}'))
 
 
 def test_a_job_gets_no_more_memory_than_its_worker_has(

@@ -128,7 +128,11 @@ def cluster_class(spec: ClusterSpec) -> Any:
 
 
 def batch_options(spec: ClusterSpec) -> dict[str, Any]:
-    """Return the arguments of a cluster of ``dask_jobqueue``: one worker a batch job, one job at a time."""
+    """Return the arguments of a cluster of ``dask_jobqueue``: one worker a batch job, one job at a time.
+
+    Raises:
+        MachineError: ``worker_extra_args`` is no list.
+    """
     assert spec.memory_gib is not None, "the spec has refused that"
     memory = f"{spec.memory_gib + _OVERHEAD_GIB:g}GiB"
     offered = " ".join(f"{name}={count:.0f}" for name, count in spec.resources.items())
@@ -141,7 +145,10 @@ def batch_options(spec: ClusterSpec) -> dict[str, Any]:
         "scheduler_options": {"dashboard_address": ":0"},
     }
     own = ["--resources", f'"{offered}"', "--memory-limit", "0"]
-    more = {"worker_extra_args": [*own, *options.pop("worker_extra_args", ())]}
+    given = options.pop("worker_extra_args", ())
+    if isinstance(given, str):
+        raise MachineError(f"expected a list of worker_extra_args, got {given!r}. Put them into brackets")
+    more = {"worker_extra_args": [*given, *own]}  # of two that are alike the last one counts
     return asked | _of_system(spec) | options | more | _extra(spec)
 
 

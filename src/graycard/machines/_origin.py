@@ -34,10 +34,16 @@ def origin() -> dict[str, str]:
 
 
 def differences(wanted: dict[str, str]) -> list[str]:
-    """Return in words what this machine has otherwise than another."""
+    """Return in words what this machine has otherwise than another.
+
+    A machine without a GPU needs no gsplat: it counts where both have it.
+    """
     own = origin()
+    left = {"gsplat"} if "none" in (own["gsplat"], wanted.get("gsplat")) else set()
     return [
-        f"{name} {own.get(name)} and not {value}" for name, value in wanted.items() if own.get(name) != value
+        f"{name} {own.get(name)} and not {value}"
+        for name, value in wanted.items()
+        if own.get(name) != value and name not in left
     ]
 
 
@@ -53,9 +59,9 @@ def _installed() -> dict[str, str]:
 
 
 def _llvm() -> str:
-    """Return version and origin of the library that scenes render with; without it layers are missing."""
+    """Return the name of the library that scenes render with; without one, layers are missing."""
     llvm = find_llvm()
-    return f"{llvm.version} ({llvm.source})" if llvm.usable else "none"
+    return llvm.path.resolve().name if llvm.path and llvm.usable else "none"
 
 
 def _code() -> str:
