@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from graycard import GraycardError, OutputError
+from graycard import OutputError
 from graycard.io import (
     _leftovers,
     _lock,
@@ -75,7 +75,7 @@ def test_no_other_kind_of_lock_can_be_asked_for(
     """A misspelt one would mean locks of the kernel, which exclude nobody on NFS."""
     monkeypatch.setenv(_systems.LOCKS, value)
     words = f"expected GRAYCARD_LOCKS to be files or kernel, got '{value}'"
-    with pytest.raises(GraycardError, match=words), file_lock(tmp_path / ".lock", lambda who: None):
+    with pytest.raises(OutputError, match=words), file_lock(tmp_path / ".lock", lambda who: None):
         pass
 
 

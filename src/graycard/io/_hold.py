@@ -75,11 +75,12 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
     """
     if sys.platform == "win32":
         return False
+    shared = is_shared(path.parent)
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return False
-    held = _is_quiet(path) if is_shared(path.parent) else hold(descriptor, wait=False)
+    held = _is_quiet(path) if shared else hold(descriptor, wait=False)
     try:
         if not held or not is_at(descriptor, path) or not _is_own(descriptor):
             return False

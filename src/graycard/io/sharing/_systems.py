@@ -7,7 +7,7 @@ import time
 from functools import cache
 from pathlib import Path
 
-from graycard._errors import GraycardError
+from graycard._errors import OutputError
 
 LOCKS = "GRAYCARD_LOCKS"
 """Environment variable: ``kernel`` or ``files``, in place of what the file system's kind says."""
@@ -41,11 +41,11 @@ def is_shared(path: Path) -> bool:
     on two machines at once, and no call says so.
 
     Raises:
-        GraycardError: The environment variable :data:`LOCKS` has another value than its two.
+        OutputError: The environment variable :data:`LOCKS` has another value than its two.
     """
     if said := os.environ.get(LOCKS):
         if said not in ("files", "kernel"):
-            raise GraycardError(f"expected {LOCKS} to be files or kernel, got {said!r}. Mend or unset it")
+            raise OutputError(f"expected {LOCKS} to be files or kernel, got {said!r}. Mend or unset it")
         return said == "files"
     kind = kind_of(path)
     return bool(kind) and kind not in _LOCAL
