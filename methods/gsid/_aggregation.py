@@ -118,7 +118,7 @@ class _Trial:
     seen: Surfaces = field(default_factory=Surfaces)
     """What the views of :attr:`stage` show; proposals change lights alone, and share it."""
     half_seen: Surfaces = field(default_factory=Surfaces)
-    """The same of :attr:`half`."""
+    """What the views of :attr:`half` show."""
 
     @property
     def lights(self) -> Lights:

@@ -44,12 +44,12 @@ class LightStage:
         return self._shares_at(self.surfels.centres, places, self.traced)
 
     def reached_nodes(self, bounces: Bounces, places: torch.Tensor) -> torch.Tensor:
-        """Return the same at the nodes of the bounces, shape ``(M, K)``."""
+        """Shares of the light of lamps that arrive at the nodes of the bounces, shape ``(M, K)``."""
         nodes = self.surfels.centres[torch.from_numpy(bounces.nodes)]
         return self._shares_at(nodes, places, self.traced_to_nodes)
 
     def _shares_at(self, points: torch.Tensor, places: torch.Tensor, known: "_Shares") -> torch.Tensor:
-        """Shares of light at points, of which those by places that are known are not traced again."""
+        """Return shares of light at points; places that are known are not traced again."""
         keys = [tuple(place) for place in places.tolist()]
         missing = [number for number, key in enumerate(keys) if key not in known]
         found = lamp_visibility(self.surfels, points, places[missing], self.extent)
@@ -73,8 +73,8 @@ def renewed(stage: LightStage, parameters: Parameters) -> LightStage:
 
 
 def at_half_size(stage: LightStage, parameters: Parameters, times: int = 1) -> LightStage:
-    """Return the stage with undivided views of half the width and height, or of half of that, and so on:
-    cheap trials on all views.
+    """Return the stage with undivided views whose width and height are halved so many times: cheap trials on
+    all views.
     """
     if times == 0:
         return stage

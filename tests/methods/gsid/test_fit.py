@@ -10,6 +10,7 @@ import torch
 from graycard.io import silent
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import largest_lack
+from graycard.methods.gsid._bounces import bounces_between
 from graycard.methods.gsid._candidates import (
     CLEAR,
     DOUBT,
@@ -27,6 +28,7 @@ from graycard.methods.gsid._lights import (
     LAMPS as NAMES,
 )
 from graycard.methods.gsid._lights import (
+    POSITIONS,
     first_lights,
     lamps_from,
 )
@@ -301,6 +303,24 @@ def test_light_arrives_on_surfaces_as_they_are_now(world: World):
     for shot in fresh:
         alone = rasterize_features(now.surfels, shot.ground.camera, features=torch.ones(len(now.surfels), 1))
         assert torch.equal(alone.alpha, shot.ground.drawn.alpha)
+
+
+def test_bounced_light_is_that_of_the_surfels_of_now(world: World):
+    """Rays go to the nodes alone, once a place, and anew when surfels have moved."""
+    settings = replace(QUICK, geometry_rate=0.1, visibility="vector")
+    bounces = bounces_between(world.surfels, world.normals, EXTENT)
+    stage = replace(stage_of(world, settings), bounces=bounces)
+    parameters = state_of(world, TRUE).parameters
+    for opacity in (5.0, -1.0):
+        parameters.surfels[LOGITS].fill_(opacity)
+        stage = renewed(stage, parameters)
+        there = bounces.seen_from.nodes
+        wanted = lamp_visibility(stage.surfels, there, parameters.shared[POSITIONS], EXTENT)
+        for _ in range(2):
+            assert torch.equal(stage.reached_nodes(bounces, parameters.shared[POSITIONS]), wanted)
+        found = reach_in(stage, parameters)
+        assert all(one.bounced is not None and one.shadows is None for one in found)
+        assert stage.traced == {}
 
 
 def test_places_stand_still_and_the_rest_of_geometry_follows(world: World):

@@ -6,10 +6,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from graycard.methods.gsid import GsidSettings
+from graycard.methods.gsid import GsidSettings, _start
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import first_lights
 from graycard.methods.gsid._model import SHADOW, SIDE, lit_side
+from graycard.methods.gsid._objective import GsidObjective
 from graycard.methods.gsid._settings import Visibility
 from graycard.methods.gsid._stage import LightStage, objective_in
 from graycard.methods.gsid._start import first_parameters, search_in
@@ -64,6 +65,24 @@ def test_strengths_are_those_of_what_vectors_tell(world: World):
     told, traced = (search.lights_at(places, traced=t).intensities for t in (False, True))
     torch.testing.assert_close(told, true, rtol=0.02, atol=0)
     assert (traced - true).abs().max() > 0.1
+
+
+def test_lamps_are_chosen_on_views_of_the_size_of_a_tile(world: World, monkeypatch: pytest.MonkeyPatch):
+    """Whatever the size of photographs, that costs as much; the stage itself stays as it is."""
+    looked_at: list[tuple[int, ...]] = []
+
+    def noted(stage: LightStage, parameters: Parameters) -> GsidObjective:
+        looked_at.extend(shot.shown.shape[:2] for shot in stage.shots)
+        return objective_in(stage, parameters)
+
+    monkeypatch.setattr(_start, "objective_in", noted)
+    losses = []
+    for tile, size in ((12, (16, 18)), (36, (32, 36))):
+        looked_at.clear()
+        found = start_of(world, replace(SETTINGS, tile=tile))
+        assert set(looked_at) == {size}
+        losses.append(loss_of(world, SETTINGS, found))
+    assert losses[0] == pytest.approx(losses[1], rel=0.05), "small views show which lamps explain large ones"
 
 
 @pytest.mark.parametrize(
