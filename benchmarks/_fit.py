@@ -73,6 +73,8 @@ class Fitted:
 
     cost: Cost
     access: Access
+    machine: Mapping[str, Any] | None = None
+    """Hardware that it was fitted on, where that is known."""
 
 
 def fit_scene(

@@ -9,7 +9,7 @@ import contextlib
 import os
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from graycard import GraycardError, OutputError, missing_package, open_predictions
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
-from graycard.benchmarks._sources import scoring_fingerprint
+from graycard.benchmarks._sources import hardware, scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
 from graycard.benchmarks.commands._command import RECORDED, Command
 from graycard.benchmarks.commands._fit import CommandSpec, fit_command
@@ -136,11 +136,13 @@ class Done:
     cost: Cost | None
     """None, as ``access``, where predictions of other code were taken: neither is known."""
     access: Access | None
+    machine: Mapping[str, Any] | None = None
+    """Hardware that it was fitted on; None where nothing was, or older code did it."""
 
     @property
     def fitted(self) -> Fitted | None:
         """Record; None where nothing was fitted."""
-        return Fitted(self.cost, self.access) if self.cost and self.access else None
+        return Fitted(self.cost, self.access, self.machine) if self.cost and self.access else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +209,7 @@ def run_fit(job: FitJob) -> Outcome:
             if found is not None:
                 return found
             remove(job.folder / DONE)
-            done = Done(job.job, job.job_hash, *_made(job))
+            done = Done(job.job, job.job_hash, *_made(job), None if job.given else hardware())
             write_json(job.folder / DONE, done)
             remove(job.folder / ERROR)
             return Outcome(value=done.fitted)
@@ -276,12 +278,6 @@ def find_fit(job: FitJob) -> Outcome | None:
     except GraycardError:
         return None
     return Outcome(reused=True, value=done.fitted) if whole else None
-
-
-def is_told_done(job: FitJob) -> bool:
-    """Tell whether ``job.json`` says that a fit is done; its predictions are not read."""
-    done = read_or_none(Done, job.folder / DONE)
-    return done is not None and done.job_hash == job.job_hash
 
 
 def find_scores(job: FitJob) -> Outcome | None:

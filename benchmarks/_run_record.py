@@ -329,6 +329,26 @@ def _add(found: list[dict[str, Any]], place: dict[str, Any], jobs: list[str], ow
         found.append({**place, "jobs": jobs})
 
 
+def with_places_of_fits(record: RunRecord, fitted: Iterable[tuple[FitJob, Outcome]]) -> RunRecord:
+    """Return a record whose environment also says which fits other machines have made.
+
+    Those are workers of a scheduler, and tasks of a job array whose results were found. They have the code
+    of this run, or the hash of the job would be another one. ``earlier`` has each kind of machine that is
+    other than the record's own, with the beginnings of the hashes of its jobs.
+
+    Args:
+        record: Of what a bench did and found.
+        fitted: Its fits.
+    """
+    own = to_builtins(dict(record.environment))
+    found: list[dict[str, Any]] = []
+    for fit, outcome in fitted:
+        machine = outcome.value.machine if outcome.value else None
+        if machine is not None:
+            _add(found, own | to_builtins(dict(machine)), [fit.job_hash[:BEGINNING]], own)
+    return replace(record, environment={**own, EARLIER: found}) if found else record
+
+
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
     """Return whether each fit of a record is in the earlier one, by its hash and by what it took.
 

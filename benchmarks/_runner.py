@@ -5,7 +5,6 @@
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
     RUN/run.json comparison.json suite.json
     RUN/stages/<code>/<capture>/   what fits leave for each other until all are done
-    RUN/places/   which machine made the fits of each part, where there are parts
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -48,6 +47,7 @@ from graycard.benchmarks._run_record import (
     scene_record,
     tidied,
     with_places_before,
+    with_places_of_fits,
 )
 from graycard.benchmarks._sizes import at_size, scaled
 from graycard.benchmarks._sources import environment
@@ -56,13 +56,11 @@ from graycard.benchmarks._suites import Suite
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning import (
     Part,
-    Place,
     clear_stages,
     part_of_plan,
     plan_fits,
     render_scenes,
     staging,
-    with_places_of_parts,
 )
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_first_look
@@ -235,9 +233,8 @@ def run_part(
     if scenes.start == scenes.stop:
         return ()
     with tidied(bench.run, bench.dataset):
-        origins = environment()
         plan = _planned(bench, known, _render(bench, bench.suite.scenes[scenes]))[own]
-        fitted = _fit(bench, plan, origins, part)
+        fitted = _fit(bench, plan)
         return results_of(fitted, _score(bench, fitted), run)
 
 
@@ -263,13 +260,13 @@ def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
     scenes = _render(bench, bench.suite.scenes)
     plan = _planned(bench, known, scenes)
-    fitted = _fit(bench, plan, origins)
+    fitted = _fit(bench, plan)
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         clear_stages(bench.run, plan)  # nothing can go on from them any more
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
     reused = all(outcome.reused for outcome in (*_of_fits(fitted), *_of_fits(scored)))
-    return Measured(with_places_of_parts(record, bench.run), reused)
+    return Measured(with_places_of_fits(record, fitted), reused)
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
@@ -295,16 +292,13 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     return replace(bench, suite=replace(bench.suite, methods=tuple(methods))), rows
 
 
-def _fit(bench: Bench, plan: Sequence[FitJob], origins: Mapping[str, Any], part: Part | None = None) -> Fits:
-    """Make all predictions, and write down where, if the run has parts."""
-    place = Place.told(bench.run, part, plan, {**origins, **of_machines(bench.terms.machines)})
+def _fit(bench: Bench, plan: Sequence[FitJob]) -> Fits:
+    """Make all predictions."""
     given = run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits
     with staging(bench.run):
         outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
     fitted = list(zip(plan, outcomes, strict=True))
     check_seen(job.folder / DONE for job, outcome in fitted if not outcome.reason)
-    if place:
-        place.made(fitted)
     return fitted
 
 

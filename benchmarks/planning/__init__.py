@@ -6,8 +6,6 @@ from graycard.benchmarks.planning._outlook import measured_costs as measured_cos
 from graycard.benchmarks.planning._outlook import outlook as outlook
 from graycard.benchmarks.planning._parts import Part as Part
 from graycard.benchmarks.planning._parts import parse_part as parse_part
-from graycard.benchmarks.planning._places import Place as Place
-from graycard.benchmarks.planning._places import with_places_of_parts as with_places_of_parts
 from graycard.benchmarks.planning._plan import part_of_plan as part_of_plan
 from graycard.benchmarks.planning._plan import plan_fits as plan_fits
 from graycard.benchmarks.planning._rendering import render_scenes as render_scenes

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from graycard import GraycardError
-from graycard.benchmarks import Part, _runner, parse_part
+from graycard.benchmarks import Part, parse_part
 from graycard.benchmarks._run_record import check_seen
-from graycard.benchmarks._sources import environment
-from graycard.benchmarks.planning import with_places_of_parts
+from graycard.benchmarks._sources import hardware
 from graycard.cli import main
 from graycard.io import read_json, write_json
 from graycard.records import read_run
@@ -72,61 +71,39 @@ def test_parts_do_what_the_whole_does_and_a_last_call_reuses_it(
     assert [(r.job, r.sheet) for r in found.results] == [(r.job, r.sheet) for r in wanted.results]
 
 
-def test_a_record_says_which_machines_did_the_parts(
-    asked: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two nodes do two parts, and the login node gathers: the last part, done again, is the login node's."""
+def test_a_record_says_which_machines_made_the_fits_of_parts(asked: list[str], tmp_path: Path) -> None:
+    """Two nodes have done two of three parts; the last one, and what is made anew, are of this machine."""
     suite, run = str(write_reserve_suite(tmp_path)), tmp_path / "run"
 
     def earlier() -> list[tuple[str, int]]:
         found = read_run(run).environment.get("earlier", [])
         return [(place["cpu"], len(place["jobs"])) for place in found]
 
-    for number, cpu in ((1, "of a node"), (2, "of another node"), (3, "of a node")):
-        place = {**environment(), "cpu": cpu}
-        monkeypatch.setattr(_runner, "environment", lambda place=place: place)
+    def do_part(number: int, cpu: str) -> None:
+        """Do a part, and say that what it made was made by another processor."""
+        before = jobs_of(run)
         assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
-        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0, "nothing is told anew"
-    assert len(list((run / "places").iterdir())) == 3
-    (run / "places" / "9-of-9-1.json").write_text("{")
-    monkeypatch.setattr(_runner, "environment", environment)
-    assert main(["bench", suite, "--out", str(run)]) == 0
-    assert earlier() == [("of a node", 7), ("of another node", 3)]
-    assert main(["bench", suite, "--out", str(run)]) == 0
-    assert earlier() == [("of a node", 7), ("of another node", 3)]
-    place = {**environment(), "cpu": "of the login node"}
-    monkeypatch.setattr(_runner, "environment", lambda: place)
-    shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
+        for job in jobs_of(run) - before:
+            done = read_json(run / job / "job.json")
+            assert done["machine"] == hardware()
+            write_json(run / job / "job.json", {**done, "machine": {**done["machine"], "cpu": cpu}})
+
+    for number, cpu in enumerate(("of a node", "of another node", str(hardware()["cpu"])), 1):
+        do_part(number, cpu)
     for _ in range(2):
         assert main(["bench", suite, "--out", str(run)]) == 0
-        assert sum(count for _, count in earlier()) == 9
-        assert "of the login node" not in dict(earlier())
-    monkeypatch.setattr(_runner, "environment", lambda: {**place, "cpu": "of a third node"})
-    shutil.rmtree(next(run.glob("jobs/*/*/gray-*")))
-    for number in (1, 2, 3):
-        assert main(["bench", suite, "--out", str(run), "--only", f"{number}/3"]) == 0
-    monkeypatch.setattr(_runner, "environment", lambda: place)
-    assert main(["bench", suite, "--out", str(run)]) == 0
-    assert dict(earlier())["of a third node"] == 1, "a part that came after a gathering"
-    assert sum(count for _, count in earlier()) == 10
-
-
-def test_of_two_that_took_a_job_one_made_it(made_run: Path, tmp_path: Path) -> None:
-    """It is the one that says so; where both were ended too early, the later one is told."""
-    record = read_run(made_run)
-    own = dict(record.environment)
-    jobs = [result.job_hash[:12] for result in record.results if result.cost]
-    for number, cpu in enumerate(("first", "second"), 1):
-        told = {**own, "cpu": cpu, "made": False, "jobs": [jobs[0], "of another run"]}
-        write_json(tmp_path / "places" / f"1-of-2-{10**18 + number}.json", told)
-    assert with_places_of_parts(record, tmp_path).environment["earlier"] == [
-        {**own, "cpu": "second", "jobs": jobs[:1]}
-    ]
-    first = tmp_path / "places" / f"1-of-2-{10**18 + 1}.json"
-    write_json(first, {**own, "cpu": "first", "made": True, "jobs": jobs[:1]})
-    assert [one["cpu"] for one in with_places_of_parts(record, tmp_path).environment["earlier"]] == ["first"]
-    write_json(first, {**own, "renderer": [], "machines": ["a node"], "made": True, "jobs": jobs[:1]})
-    assert with_places_of_parts(record, tmp_path) == record, "the record's own place"
+        assert sorted(earlier()) == [("of a node", 3), ("of another node", 3)]
+    first = sorted(run.glob("jobs/*/*/gray-*"))[0]
+    shutil.rmtree(first / "predictions")
+    for _ in range(2):
+        assert main(["bench", suite, "--out", str(run)]) == 0
+        assert sum(count for _, count in earlier()) == 5, "this machine has made it now"
+    shutil.rmtree(first)
+    do_part(1, "of a third node")
+    for _ in range(2):
+        assert main(["bench", suite, "--out", str(run)]) == 0
+        assert dict(earlier())["of a third node"] == 1, "a part that came after a gathering"
+        assert sum(count for _, count in earlier()) == 6
 
 
 def test_more_parts_than_jobs_leave_some_without(

@@ -58,8 +58,8 @@ PATIENCE_S = 1800.0
 """Time after which a bench hangs: on a busy machine a whole one takes minutes."""
 _LEAST_SHARE = 0.25
 """Share of the undisturbed time within which any bench is killed: one that goes on has to begin too."""
-_TIMES = {"wall_s", "started", "cost", "environment"}
-"""Keys of records that differ from run to run."""
+_TIMES = {"wall_s", "started", "cost", "environment", "machine"}
+"""Keys of records that differ from run to run, and from machine to machine."""
 
 
 @dataclass
@@ -226,7 +226,7 @@ def processes(trial: Trial) -> dict[int, str]:
 def fingerprint(run: Path) -> dict[str, str]:
     """Return the hash of each file of a run; of records without times and costs.
 
-    Costs of scenes and places of parts are left out: they tell how a run was made, not what it found.
+    Costs of scenes are left out: a run has those of the scenes that it rendered in one go.
     """
     return dict(_fingerprints(run))
 
@@ -235,7 +235,7 @@ def _fingerprints(run: Path) -> Iterator[tuple[str, str]]:
     timed: dict[str, Callable[[bytes], bytes]] = {"run.json": _untimed, "job.json": _untimed}
     for path in sorted(run.rglob("*")):
         name = path.relative_to(run).as_posix()
-        if path.is_dir() or name.startswith(("rendering/", "places/")):
+        if path.is_dir() or name.startswith("rendering/"):
             continue
         shows_times = name.startswith("report/") or path.name == "scoring.json"
         content = b"" if shows_times else path.read_bytes()
