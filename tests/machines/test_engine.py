@@ -136,7 +136,7 @@ def test_a_machine_with_another_compiler_of_the_renderer_is_another(
     found = LLVM(path, 18) if path else LLVM(None, None, "No LLVM library was found")
     monkeypatch.setattr(_origin, "find_llvm", lambda: found)
     _origin._installed.cache_clear()
-    own = path.name if path else "none"
+    own = f"18 ({path.name})" if path else "none"
     assert differences(wanted) == [f"LLVM of the renderer {own} and not {wanted['LLVM of the renderer']}"]
     _origin._installed.cache_clear()
 

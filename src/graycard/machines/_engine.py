@@ -114,6 +114,8 @@ class Machines:
         Args:
             question: Importable there.
         """
+        if self.client.scheduler is None:
+            return []
         with contextlib.suppress(OSError, TimeoutError):
             answers = cast("dict[str, A]", self.client.run(question, on_error="ignore"))
             return [*answers.values()]

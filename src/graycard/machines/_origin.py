@@ -36,7 +36,7 @@ def origin() -> dict[str, str]:
 def differences(wanted: dict[str, str]) -> list[str]:
     """Return in words what this machine has otherwise than another.
 
-    A machine without a GPU needs no gsplat: it counts where both have it.
+    A machine without a GPU needs no gsplat: versions of it count where both have it.
     """
     own = origin()
     left = {"gsplat"} if "none" in (own["gsplat"], wanted.get("gsplat")) else set()
@@ -61,7 +61,7 @@ def _installed() -> dict[str, str]:
 def _llvm() -> str:
     """Return the name of the library that scenes render with; without one, layers are missing."""
     llvm = find_llvm()
-    return llvm.path.resolve().name if llvm.path and llvm.usable else "none"
+    return f"{llvm.version} ({llvm.path.resolve().name})" if llvm.path and llvm.usable else "none"
 
 
 def _code() -> str:
