@@ -116,9 +116,9 @@ class _Trial:
     """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters
     seen: Surfaces = field(default_factory=Surfaces)
-    """What the views of :attr:`stage` show; proposals change lights alone, and share it."""
+    """Surfaces in the views of :attr:`stage`; proposals change lights alone, and share it."""
     half_seen: Surfaces = field(default_factory=Surfaces)
-    """What the views of :attr:`half` show."""
+    """Surfaces in the views of :attr:`half`."""
 
     @property
     def lights(self) -> Lights:

@@ -116,7 +116,7 @@ class GsidObjective:
     extent: float
     seed: int
     surfaces: Surfaces | None = None
-    """Of all tiles, for the same surfels; None: they are drawn whenever they are looked at."""
+    """Surfaces of all tiles, for the same surfels; None: they are drawn whenever they are looked at."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """Return the loss of a step, with what else the fit is told."""

@@ -111,3 +111,10 @@ def test_doctor_compiles_kernels_on_request(monkeypatch: pytest.MonkeyPatch, tmp
         monkeypatch.setattr("graycard.methods.splat.warm_kernels", lambda found=compiled, **_: found)
         assert main(["doctor", "--warm", "--json", str(tmp_path / "d.json")]) == 0
         assert said in capsys.readouterr().out
+
+
+def test_doctor_tells_of_a_misspelt_kind_of_locks(monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+    monkeypatch.setenv("GRAYCARD_LOCKS", "file")
+    assert main(["doctor"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "expected GRAYCARD_LOCKS to be files or kernel, got 'file'" in shown
