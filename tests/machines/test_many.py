@@ -73,7 +73,7 @@ def test_workers_of_this_machine_give_the_same_bits(trial: Trial) -> None:
 def test_a_scene_that_workers_render_in_parts_has_the_same_bits(trial: Trial) -> None:
     shutil.rmtree(trial.run / "dataset")
     printed = check_same(trial, "--scheduler", "local")
-    assert "rendering: parts" in printed
+    assert "rendering parts: " in printed
 
 
 OTHER = (
