@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """``run.json``: records of a bench, and of an earlier bench in the same folder."""
 
-import contextlib
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -106,7 +105,7 @@ def noisy_scenes(suite: Suite, record: RunRecord, run: Path) -> list[str]:
     for scene in record.scenes:
         truth, wanted = run / scene.folder / "truth", suite.ceilings.get(scene.track, 0.0)
         ceiling = None
-        with contextlib.suppress(GraycardError):  # its files may be gone, as those of another machine
+        with suppress(GraycardError):  # its files may be gone, as those of another machine
             ceiling = open_truth(truth, check=False).noise_ceiling if wanted else None
         if ceiling is not None and ceiling < wanted:
             found.append(
@@ -290,7 +289,7 @@ def with_places_before(record: RunRecord, before: RunRecord) -> RunRecord:
     hashes of these results are its ``jobs``, where all places of the record before have them.
 
     Args:
-        record: The whole, with the results that were kept or found done, and places that parts have told.
+        record: The whole, with the results that were kept or found done, and places of other machines.
         before: What the folder had.
     """
     own, last = (to_builtins(dict(one.environment)) for one in (record, before))

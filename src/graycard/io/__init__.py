@@ -49,7 +49,6 @@ from graycard.io._manifest import damaged_files as damaged_files
 from graycard.io._manifest import read_manifest as read_manifest
 from graycard.io._manifest import write_manifest as write_manifest
 from graycard.io._memory import blocks as blocks
-from graycard.io._memory import hand_back_freed_memory as hand_back_freed_memory
 from graycard.io._memory import keep_freed_memory as keep_freed_memory
 from graycard.io._memory import peak_memory_mib as peak_memory_mib
 from graycard.io._names import AnyPlace as AnyPlace

@@ -26,7 +26,7 @@ from graycard.records._size import Size, departures
 
 RUN_FILE = "run.json"
 EARLIER = "earlier"
-"""Key in the environment of a record: where results were made that an earlier bench of the folder left."""
+"""Key in the environment of a record: where earlier benches of the folder, or other machines, made fits."""
 UNSEEN = "files_not_looked_at"
 """Key in the environment of a published record: scenes whose files were gone when it was published."""
 PUBLISHED_PAGE = "index.html"
