@@ -10,6 +10,7 @@ from torch.autograd.function import once_differentiable
 from graycard import Camera
 from graycard.methods.splat._maps import FeatureMaps, Maps
 from graycard.methods.splat._surfels import Surfels
+from graycard.methods.splat.raster._idle import give_back
 from graycard.methods.splat.raster._stage_arrays import Drawn, Scene
 from graycard.methods.splat.raster._stages import (
     draw,
@@ -115,6 +116,7 @@ class _Draw(torch.autograd.Function):
         to_image, to_alpha, *to_shape = (np.ascontiguousarray(g.numpy()) for g in grad_outputs)
         slots = draw_backward(scene, projected, lists, drawn, to_image, -to_alpha, tuple(to_shape) or None)
         gradients = project_backward(scene, projected, lists, slots)
+        give_back(slots)
         geometry = (gradients.centres, gradients.rotations, gradients.scales, gradients.opacities)
         return (
             *(torch.from_numpy(values) for values in geometry),

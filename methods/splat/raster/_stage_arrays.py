@@ -258,7 +258,15 @@ def working_bytes(*stages: object) -> int:
 
 def vectors(count: int, width: int) -> np.ndarray:
     """Rows of float32 that begin with lines of the cache, for widths that are multiples of ``LANES``."""
-    room = np.empty(count * width + LANES, np.float32)
+    return rows_in(np.empty(count * width + LANES, np.float32), count, width)
+
+
+def rows_in(room: np.ndarray, count: int, width: int) -> np.ndarray:
+    """Return such rows in an array of float32.
+
+    Raises:
+        ValueError: It has no room for them.
+    """
     first = (-room.ctypes.data % 64) // 4
     return room[first : first + count * width].reshape(count, width)
 

@@ -13,6 +13,7 @@ from graycard.methods.splat.raster._backward import backward
 from graycard.methods.splat.raster._blocks import GROUP, LANES
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.raster._forward import forward
+from graycard.methods.splat.raster._idle import borrowed
 from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project as project_kernel
 from graycard.methods.splat.raster._stage_arrays import (
@@ -144,11 +145,7 @@ def draw_backward(
         to_shape: float32, of normal, depth, distortion and median depth if they were drawn.
     """
     pairs, stride = lists.tiles.surfels.size, _stride(scene)
-    result = Slots(
-        vectors(pairs, LANES),
-        vectors(pairs, stride) if stride else None,
-        stride,
-    )
+    result = Slots(borrowed(pairs, LANES), borrowed(pairs, stride) if stride else None, stride)
     shape = None
     if drawn.shape is not None and to_shape is not None:
         kept = (drawn.shape.normal, drawn.shape.moments, drawn.shape.ranks)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Large arrays that are used again: new ones the system clears first, page by page, at every step."""
+
+from collections import deque
+from typing import cast
+
+import numpy as np
+
+from graycard.methods.splat.raster._stage_arrays import Slots, rows_in, vectors
+
+LEAST = 1 << 25
+"""Bytes of the smallest array that is kept here; of smaller ones the C library keeps the memory itself."""
+_idle: deque[np.ndarray] = deque(maxlen=2)
+"""As many as a backward pass needs; any thread may take them."""
+
+
+def borrowed(count: int, width: int) -> np.ndarray:
+    """Return rows as :func:`vectors` does, in the memory of some that were given back if they fit in there.
+
+    Their numbers are any, too.
+    """
+    if count * width * 4 >= LEAST:
+        try:
+            return rows_in(_idle.popleft(), count, width)
+        except (IndexError, ValueError):  # there are none, or those are too small and go
+            pass
+    return vectors(count, width)
+
+
+def give_back(slots: Slots) -> None:
+    """Let the arrays of slots be used again; nobody may read them any more."""
+    for rows in (slots.geometry, slots.channels):
+        if rows is not None and rows.nbytes >= LEAST:
+            _idle.append(cast(np.ndarray, rows.base))

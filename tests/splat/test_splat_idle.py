@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Large arrays of a backward pass are used again, and what they held before changes no gradient."""
+
+from collections import deque
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+
+from graycard import Camera, look_at
+from graycard.methods import splat
+from graycard.methods.splat.raster import _idle
+from graycard.methods.splat.raster._blocks import LANES
+from graycard.methods.splat.raster._stage_arrays import Slots, vectors
+from random_surfels import random_surfels
+
+
+@pytest.fixture
+def idle(monkeypatch: pytest.MonkeyPatch) -> "deque[np.ndarray]":
+    """Keep arrays of any size; none at first."""
+    kept: deque[np.ndarray] = deque(maxlen=2)
+    monkeypatch.setattr(_idle, "LEAST", 64)
+    monkeypatch.setattr(_idle, "_idle", kept)
+    return kept
+
+
+def slots(pairs: int) -> Slots:
+    return Slots(_idle.borrowed(pairs, LANES), _idle.borrowed(pairs, LANES), LANES)
+
+
+def gradients() -> dict[str, torch.Tensor]:
+    """Draw discs with all maps, and return the gradients of their sum."""
+    K = np.array([[30, 0, 18.8], [0, 33, 14.3], [0, 0, 1]])
+    camera = Camera(37, 29, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    surfels = random_surfels(400, 2)
+    leaves = {field.name: getattr(surfels, field.name).requires_grad_() for field in fields(surfels)}
+    maps = splat.rasterize(surfels, camera, backend="cpu")
+    torch.stack([getattr(maps, field.name).sum() for field in fields(maps)]).sum().backward()
+    return {name: leaf.grad for name, leaf in leaves.items()}
+
+
+def test_gradients_are_the_same_in_arrays_that_were_used_before(idle: "deque[np.ndarray]"):
+    first = gradients()
+    assert len(idle) == 2
+    rooms = [id(room) for room in idle]
+    for room in idle:
+        room.fill(np.nan)
+    again = gradients()
+    assert [id(room) for room in idle] == rooms
+    assert first["centres"].abs().sum() > 0
+    assert all(torch.equal(first[name], again[name]) for name in first)
+
+
+def test_smaller_rows_fit_and_larger_ones_get_a_new_array(idle: "deque[np.ndarray]"):
+    first = slots(9)
+    assert not np.shares_memory(first.geometry, first.channels)
+    _idle.give_back(first)
+    smaller = slots(4)
+    assert np.shares_memory(smaller.geometry, first.geometry)
+    assert not np.shares_memory(smaller.geometry, smaller.channels)
+    _idle.give_back(smaller)
+    larger = slots(20)
+    assert not any(np.shares_memory(larger.geometry, room) for room in (first.geometry, first.channels))
+    assert (larger.geometry.shape, larger.geometry.ctypes.data % 64) == ((20, LANES), 0)
+    assert not idle
+
+
+def test_rows_that_are_held_are_not_lent(idle: "deque[np.ndarray]"):
+    first, second = slots(9), slots(9)
+    assert not np.shares_memory(first.geometry, second.geometry)
+    _idle.give_back(first)
+    third = slots(9)
+    assert not any(np.shares_memory(third.geometry, rows) for rows in (second.geometry, second.channels))
+
+
+def test_small_arrays_are_left_to_the_library(idle: "deque[np.ndarray]", monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(_idle, "LEAST", 1 << 20)
+    _idle.give_back(Slots(vectors(9, LANES), None, 0))
+    assert not idle
