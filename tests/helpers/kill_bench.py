@@ -170,13 +170,19 @@ class Trial:
         """Let the bench end, and hold it against the undisturbed one."""
         self.to_the_end()
         self.failures += [f"left at the end: {left}" for left in self.left()]
-        found = fingerprint(self.run)
-        for name in sorted(found.keys() | self.reference.keys()):
-            if found.get(name) != self.reference.get(name):
-                what = "lacks" if name not in found else "has also" if name not in self.reference else "other"
-                self.failures.append(f"{what}: {name}")
+        self.failures += self.differences()
         self.compared += 1
         shutil.rmtree(self.run)
+
+    def differences(self) -> list[str]:
+        """Return the files of the run that are not as in the undisturbed one."""
+        found = fingerprint(self.run)
+        names = sorted(found.keys() | self.reference.keys())
+        return [
+            f"{'lacks' if name not in found else 'other' if name in self.reference else 'has also'}: {name}"
+            for name in names
+            if found.get(name) != self.reference.get(name)
+        ]
 
 
 def _printed(bench: subprocess.Popen[str]) -> str:

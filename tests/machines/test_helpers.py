@@ -5,7 +5,7 @@ import random
 from pathlib import Path
 
 from kill_bench import Trial, fingerprint
-from kill_cluster import Results, differences, forget
+from kill_cluster import Results, forget
 
 
 def record(run: Path, name: str, text: str) -> Path:
@@ -33,9 +33,12 @@ def test_a_file_that_is_other_or_missing_is_seen_and_scenes_stay(tmp_path: Path)
     scores = record(trial.run, "scores.json", "1")
     (trial.run / "dataset").mkdir()
     trial.reference = fingerprint(trial.run)
-    assert differences(trial) == []
+    assert trial.differences() == []
     scores.write_text("2")
-    assert differences(trial) == ["other: jobs/dark/corridor-0001/gray-0-abc/scores.json"]
+    assert trial.differences() == ["other: jobs/dark/corridor-0001/gray-0-abc/scores.json"]
     forget(trial)
     assert [path.name for path in trial.run.iterdir()] == ["dataset"]
-    assert len(differences(trial)) == 1
+    assert trial.differences() == ["lacks: jobs/dark/corridor-0001/gray-0-abc/scores.json"]
+    record(trial.run, "scores.json", "1")
+    record(trial.run, "error.txt", "")
+    assert trial.differences() == ["has also: jobs/dark/corridor-0001/gray-0-abc/error.txt"]

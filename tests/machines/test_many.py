@@ -15,7 +15,7 @@ from typing import cast
 import pytest
 
 from kill_bench import TINY, Trial
-from kill_cluster import Cluster, differences, forget, kept, kill_while_running, reference_of
+from kill_cluster import Cluster, forget, kept, kill_while_running, reference_of
 from slurm_nodes import NODES, lacking, slurm
 
 pytest.importorskip("distributed", reason="needs distributed (`pip install 'graycard[cluster]'`)")
@@ -59,7 +59,7 @@ def check_same(trial: Trial, *options: str) -> str:
         printed = trial.to_the_end()
         assert trial.failures == []
         assert "dashboard: http" in printed
-        assert differences(trial) == []
+        assert trial.differences() == []
         return printed
     finally:
         forget(trial)
@@ -158,5 +158,5 @@ def test_a_job_array_of_slurm_gives_the_same_bits(trial: Trial) -> None:
     trial.to_the_end()
     assert trial.failures == []
     assert {path: path.stat().st_mtime_ns for path in trial.run.glob("jobs/*/*/*/*.json")} == before
-    assert differences(trial) == []
+    assert trial.differences() == []
     forget(trial)
