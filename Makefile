@@ -80,7 +80,7 @@ weights: .venv/installed
 docs: .venv/installed-test
 	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py \
 		tests/docs/test_reference.py tests/docs/test_editions.py tests/docs/test_sizes_note.py \
-		tests/reports/test_history.py tests/reports/test_history_words.py
+		tests/docs/test_large_scenes_note.py tests/reports/test_history.py tests/reports/test_history_words.py
 
 pictures: .venv/installed-test
 	$(BIN)/python tests/helpers/docs_pictures.py runs/pictures

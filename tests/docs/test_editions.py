@@ -21,7 +21,7 @@ from graycard.io import sha256
 from graycard.records import UNSEEN, read_ledger, read_run
 from graycard.reports.history._explain import NOT_TESTED
 from graycard.reports.history._keep import OWN
-from published import LARGE, SECOND, SIZES, folders_of_large, folders_of_second
+from published import LARGE, PAPER, SECOND, SIZES, folders_of_large, folders_of_second
 from written_blocks import told_and_wanted
 
 PAGE = DOCS / "results" / "second.md"
@@ -96,7 +96,7 @@ def test_a_sealed_run_is_of_sealed_scenes_and_its_ledger_of_its_run(folder: Path
 
 def test_published_runs_take_60_megabytes_of_git():
     """Git keeps each file of a commit compressed by zlib."""
-    files = [path for parent in (SECOND, LARGE, SIZES) for path in parent.rglob("*") if path.is_file()]
+    files = [path for parent in (SECOND, LARGE, SIZES, PAPER) for path in parent.rglob("*") if path.is_file()]
     assert len(files) > 40
     assert sum(len(zlib.compress(path.read_bytes(), 1)) for path in files) < 60e6
 

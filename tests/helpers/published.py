@@ -9,6 +9,7 @@ from graycard.reports.history._keep import OWN
 SECOND = OWN / "second"
 LARGE = OWN / "large"
 SIZES = OWN / "sizes"
+PAPER = OWN / "paper"
 
 
 def published_folders() -> list[Path]:

@@ -11,7 +11,7 @@ from graycard.methods.splat.raster._stage_arrays import Slots, rows_in, vectors
 LEAST = 1 << 25
 """Bytes of the smallest array that is kept here; of smaller ones the C library keeps the memory itself."""
 _idle: deque[np.ndarray] = deque(maxlen=2)
-"""As many as a backward pass needs; any thread may take them."""
+"""Arrays that wait, at most those of one backward pass; any thread may take them."""
 
 
 def borrowed(count: int, width: int) -> np.ndarray:
