@@ -129,7 +129,6 @@ def cpu_model() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-@cache
 def gpu_name() -> str | None:
     """Name of the first NVIDIA GPU, asked of its driver (torch takes seconds to load); None without one."""
     if shutil.which("nvidia-smi") is None:

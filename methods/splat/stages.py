@@ -5,6 +5,7 @@ from graycard.methods.splat._maps import ALPHA_MAX as ALPHA_MAX
 from graycard.methods.splat._maps import ALPHA_MIN as ALPHA_MIN
 from graycard.methods.splat._maps import NEAR as NEAR
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN as TRANSMITTANCE_MIN
+from graycard.methods.splat.raster._idle import give_back as give_back
 from graycard.methods.splat.raster._stage_arrays import Scene as Scene
 from graycard.methods.splat.raster._stage_arrays import working_bytes as working_bytes
 from graycard.methods.splat.raster._stages import draw as draw

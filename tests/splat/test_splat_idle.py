@@ -10,9 +10,10 @@ import torch
 
 from graycard import Camera, look_at
 from graycard.methods import splat
-from graycard.methods.splat.raster import _idle
+from graycard.methods.splat.raster import _idle, _stages
 from graycard.methods.splat.raster._blocks import LANES
 from graycard.methods.splat.raster._stage_arrays import Slots, vectors
+from graycard.methods.splat.raster._stages import NARROW
 from random_surfels import random_surfels
 
 
@@ -29,25 +30,34 @@ def slots(pairs: int) -> Slots:
     return Slots(_idle.borrowed(pairs, LANES), _idle.borrowed(pairs, LANES), LANES)
 
 
-def gradients() -> dict[str, torch.Tensor]:
-    """Draw discs with all maps, and return the gradients of their sum."""
+def gradients(channels: int, *, shaped: bool) -> dict[str, torch.Tensor]:
+    """Draw discs, all maps or the features alone, and return the gradients of their sum."""
     K = np.array([[30, 0, 18.8], [0, 33, 14.3], [0, 0, 1]])
     camera = Camera(37, 29, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
     surfels = random_surfels(400, 2)
-    leaves = {field.name: getattr(surfels, field.name).requires_grad_() for field in fields(surfels)}
-    maps = splat.rasterize(surfels, camera, backend="cpu")
+    features = torch.linspace(-1, 1, 400 * channels, dtype=torch.float64).reshape(400, channels)
+    leaves = {field.name: getattr(surfels, field.name) for field in fields(surfels)} | {"features": features}
+    for leaf in leaves.values():
+        leaf.requires_grad_()
+    draw = splat.rasterize if shaped else splat.rasterize_features
+    maps = draw(surfels, camera, features, backend="cpu")
     torch.stack([getattr(maps, field.name).sum() for field in fields(maps)]).sum().backward()
     return {name: leaf.grad for name, leaf in leaves.items()}
 
 
-def test_gradients_are_the_same_in_arrays_that_were_used_before(idle: "deque[np.ndarray]"):
-    first = gradients()
-    assert len(idle) == 2
-    rooms = [id(room) for room in idle]
-    for room in idle:
+@pytest.mark.parametrize("shaped", [True, False])
+@pytest.mark.parametrize("channels", [3, 8, 16])
+def test_gradients_are_the_same_in_arrays_that_were_used_before(
+    channels: int, shaped: bool, idle: "deque[np.ndarray]"
+):
+    first = gradients(channels, shaped=shaped)
+    rooms = list(idle)
+    assert len(rooms) == (2 if shaped or channels > NARROW else 1)
+    for room in rooms:
         room.fill(np.nan)
-    again = gradients()
-    assert [id(room) for room in idle] == rooms
+    again = gradients(channels, shaped=shaped)
+    assert all(room is kept for room, kept in zip(rooms, idle, strict=True))
+    assert not any(np.isnan(room).all() for room in rooms)
     assert first["centres"].abs().sum() > 0
     assert all(torch.equal(first[name], again[name]) for name in first)
 
@@ -71,10 +81,30 @@ def test_rows_that_are_held_are_not_lent(idle: "deque[np.ndarray]"):
     assert not np.shares_memory(first.geometry, second.geometry)
     _idle.give_back(first)
     third = slots(9)
+    assert np.shares_memory(third.geometry, first.geometry)
     assert not any(np.shares_memory(third.geometry, rows) for rows in (second.geometry, second.channels))
 
 
+def test_rows_that_are_given_back_twice_are_lent_once(idle: "deque[np.ndarray]"):
+    first = slots(9)
+    _idle.give_back(first)
+    _idle.give_back(first)
+    second = slots(9)
+    assert not np.shares_memory(second.geometry, second.channels)
+
+
+def test_idle_arrays_go_before_a_drawing_is_refused(
+    idle: "deque[np.ndarray]", monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_stages, "UNCHECKED", 0)
+    monkeypatch.setattr(_stages, "free_memory", lambda: 1 if idle else 1 << 40)
+    _idle.give_back(slots(9))
+    gradients(3, shaped=True)  # is not refused
+
+
 def test_small_arrays_are_left_to_the_library(idle: "deque[np.ndarray]", monkeypatch: pytest.MonkeyPatch):
+    _idle.give_back(slots(9))
     monkeypatch.setattr(_idle, "LEAST", 1 << 20)
+    slots(4)
     _idle.give_back(Slots(vectors(9, LANES), None, 0))
-    assert not idle
+    assert len(idle) == 2

@@ -47,7 +47,7 @@ def staged(surfels: Surfels, camera: Camera) -> Staged:
         "project": partial(stages.project, scene),
         "sort and bin": partial(stages.list_tiles, scene, projected),
         DRAW: partial(stages.draw, scene, projected, lists),
-        DRAW_BACKWARD: partial(stages.draw_backward, *given),
+        DRAW_BACKWARD: lambda: stages.give_back(stages.draw_backward(*given)),
         "project backward": partial(stages.project_backward, scene, projected, lists, slots),
     }
     held = stages.working_bytes(projected, lists, drawn, slots, gradients)

@@ -2,7 +2,6 @@
 """Large arrays that are used again: new ones the system clears first, page by page, at every step."""
 
 from collections import deque
-from typing import cast
 
 import numpy as np
 
@@ -30,5 +29,11 @@ def borrowed(count: int, width: int) -> np.ndarray:
 def give_back(slots: Slots) -> None:
     """Let the arrays of slots be used again; nobody may read them any more."""
     for rows in (slots.geometry, slots.channels):
-        if rows is not None and rows.nbytes >= LEAST:
-            _idle.append(cast(np.ndarray, rows.base))
+        room = None if rows is None or rows.nbytes < LEAST else rows.base
+        if room is not None and not any(room is other for other in tuple(_idle)):
+            _idle.append(room)
+
+
+def forget() -> None:
+    """Free the memory of arrays that wait."""
+    _idle.clear()

@@ -13,7 +13,7 @@ from graycard.methods.splat.raster._backward import backward
 from graycard.methods.splat.raster._blocks import GROUP, LANES
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.raster._forward import forward
-from graycard.methods.splat.raster._idle import borrowed
+from graycard.methods.splat.raster._idle import borrowed, forget
 from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project as project_kernel
 from graycard.methods.splat.raster._stage_arrays import (
@@ -100,6 +100,9 @@ def check_memory(needed: int, of_what: str) -> None:
     if needed < UNCHECKED:
         return
     available = free_memory()
+    if needed > available:
+        forget()
+        available = free_memory()
     if needed > available:
         raise MethodError(
             f"expected {needed / 2**30:.1f} GiB of memory to draw {of_what}, got {available / 2**30:.1f} GiB "
