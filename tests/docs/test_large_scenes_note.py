@@ -34,6 +34,6 @@ def test_the_run_of_a_papers_size_is_told_with_its_costs_and_scores():
 
 def test_the_run_of_a_papers_size_is_of_a_scene_that_judges_nothing():
     run = read_run(RUN)
-    assert run.edition is None
+    assert (run.suite, run.budget, run.edition) == ("paper-dark-cpu", 0.5, None)
     assert [(scene.track, scene.seed) for scene in run.scenes] == [("dark", 1011)]
     assert all(result.status == "done" for result in run.results)
