@@ -20,6 +20,8 @@ CASES = {
     "removal of each view": ("removal-per-view", {}),
     "goris with its shadow": ("goris", {"shadow": True, "distilled": True}),
 }
+FEW = ("sunfaded", "2dgs by stereo", "gsid by stereo", "goris")
+"""Cases that between them keep views of all kinds; the others are slow tests."""
 
 
 @pytest.fixture
@@ -28,7 +30,7 @@ def files(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return all_in_files(monkeypatch)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [c if c in FEW else pytest.param(c, marks=pytest.mark.slow) for c in CASES])
 def test_a_fit_with_views_in_files_ends_with_the_same_bits(
     case: str, make_scene: Callable[..., Path], request: pytest.FixtureRequest
 ) -> None:
