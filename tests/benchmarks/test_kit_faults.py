@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The check names every planted fault and no other, and finds none in methods that have none."""
 
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,11 @@ def test_a_method_without_a_fault_has_none(in_process: None):
     assert found.faults == ()
     assert found.provides == faulty_methods.LAYERS
     assert found.track == "dark"
+
+
+def test_caches_of_pytorch_are_no_fault_of_a_method(in_process: None, tmp_path: Path):
+    cache = import_module("torch._inductor.runtime.cache_dir_utils").cache_dir()
+    assert Path(cache).is_relative_to(tmp_path)
 
 
 @pytest.mark.parametrize(

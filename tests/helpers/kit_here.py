@@ -37,6 +37,7 @@ def checked_here(patch: pytest.MonkeyPatch, temporary: Path, dataset: Path) -> N
     """
     served_here(patch)
     patch.setattr(tempfile, "tempdir", str(temporary))
+    patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(temporary))  # PyTorch keeps the first one of a process
     for module in (_check, _commands):
         patch.setattr(module, "StandingWorker", _Here)
     patch.setattr(_check._Check, "scene", lambda self, track: _scene_of(dataset, track))
