@@ -19,6 +19,7 @@ from graycard.cli import main
 from graycard.io import silent, write_json
 from graycard.records import Cost, RunRecord, job_folder, read_run
 from graycard.synth import RenderSettings, SceneSpec
+from without_llvm import hide_llvm
 
 COST = Measured("dark", 2, 6, 6, 360.0, 72.0, 7.2, 50e6, 4e6, 900.0, {"a": 72.0})
 
@@ -212,7 +213,7 @@ def test_a_fit_tells_its_cpu_time(make_scene: Callable[..., Path], tmp_path: Pat
 
 
 def test_a_scene_that_is_rendered_in_one_go_keeps_its_cost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    hide_llvm(monkeypatch)
     spec, settings = SceneSpec("dark", "corridor", 0), RenderSettings(20, 16, 3, 1, 4, 3)
     job = RenderJob(spec, settings, tmp_path / "dataset", 1, tmp_path / "run")
     assert run_render(job).reason == ""

@@ -17,8 +17,7 @@ from graycard.io import to_builtins
 from graycard.synth import Ball, Matte, Quad, Scene, SceneSpec, Thing, render_scene, use_renderer
 from graycard.synth.renderer._variant import LLVM_RGB, SCALAR
 from tiny_tables import HIDDEN, RENDER, TABLE, TINY, RunPython
-
-LLVM_PATH = "DRJIT_LIBLLVM_PATH"
+from without_llvm import hide_llvm
 
 Judge = Callable[[str, float, float], None]
 
@@ -62,7 +61,7 @@ def scalar() -> str:
 @pytest.fixture
 def no_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine without LLVM."""
-    monkeypatch.setenv(LLVM_PATH, "/nowhere/libLLVM.so.19.1")
+    hide_llvm(monkeypatch)
 
 
 @pytest.fixture
@@ -118,7 +117,7 @@ def rendered(
 ) -> dict[str, Path]:
     """One tiny scene a track, not to be changed."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DRJIT_LIBLLVM_PATH", HIDDEN["DRJIT_LIBLLVM_PATH"])
+        hide_llvm(patch)
         out = tmp_path_factory.mktemp("rendered")
         specs = [SceneSpec("dark", "corridor", 0), TABLE, SceneSpec("multilight", "studio", 0)]
         found = {}

@@ -26,6 +26,7 @@ from graycard.synth._mesh import Mesh, box, turn_about_z
 from graycard.synth._scene import BLACK, Matte
 from graycard.synth.edits._composition import Composed, composition, donor_of, moved
 from graycard.synth.edits._free_space import Obstacles, bounds
+from without_llvm import hide_llvm
 
 SETTINGS = RenderSettings(24, 24, 6, 3, 16)
 TINY = RenderSettings(20, 16, 3, 1, 4, 3, relighting=False)
@@ -132,7 +133,7 @@ def test_what_hides_and_what_touches() -> None:
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so.19.1")
+        hide_llvm(patch)
         return render_scene(SceneSpec("multilight", "studio", 1000), TINY, tmp_path_factory.mktemp("c"))
 
 

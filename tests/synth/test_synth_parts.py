@@ -22,6 +22,7 @@ from graycard.synth import (
 from graycard.synth.dataset._render import clear_leftovers
 from graycard.synth.dataset._renderings import Rendering, write_aside
 from graycard.synth.dataset._store import Place, stamped
+from without_llvm import hide_llvm
 
 TINY = RenderSettings(20, 16, 3, 1, 4, 3)
 TABLE = SceneSpec("tabletop", "glossy-table", 0)
@@ -41,7 +42,7 @@ def bits(folder: Path) -> dict[str, str]:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The dataset of a scene that one process has rendered."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+        hide_llvm(patch)
         dataset = tmp_path_factory.mktemp("whole")
         render_scene(TABLE, TINY, dataset, threads=1)
         return dataset
@@ -86,7 +87,7 @@ def test_two_at_the_same_picture_leave_one(whole: Path, tmp_path: Path, monkeypa
         for done in [both.submit(render_part, TABLE, TINY, tmp_path, (0, 1, 2, 3)) for _ in range(2)]:
             done.result()
     monkeypatch.undo()
-    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
+    hide_llvm(monkeypatch)
     render_scene(TABLE, TINY, tmp_path)
     assert bits(tmp_path) == bits(whole)
 
