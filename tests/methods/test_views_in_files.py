@@ -21,7 +21,7 @@ CASES = {
     "goris with its shadow": ("goris", {"shadow": True, "distilled": True}),
 }
 FEW = ("sunfaded", "2dgs by stereo", "gsid by stereo", "goris")
-"""Cases that between them keep views of all kinds; the others are slow tests."""
+"""Cases of every run of the tests, with and without stereo; the others are slow tests."""
 
 
 @pytest.fixture

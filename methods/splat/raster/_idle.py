@@ -14,9 +14,9 @@ _idle: deque[np.ndarray] = deque(maxlen=2)
 
 
 def borrowed(count: int, width: int) -> np.ndarray:
-    """Return rows as :func:`vectors` does, in the memory of some that were given back if they fit in there.
+    """Return rows as :func:`vectors` does, shape ``(count, width)``, in memory given back if they fit.
 
-    Their numbers are any, too.
+    Their numbers are not set: write each before it is read.
     """
     if count * width * 4 >= LEAST:
         try:

@@ -262,7 +262,7 @@ def vectors(count: int, width: int) -> np.ndarray:
 
 
 def rows_in(room: np.ndarray, count: int, width: int) -> np.ndarray:
-    """Return such rows in an array of float32.
+    """Return the rows of :func:`vectors` in the memory of a flat array of float32.
 
     Raises:
         ValueError: It has no room for them.
