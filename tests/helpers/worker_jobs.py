@@ -61,6 +61,13 @@ def tell_memory(number: int) -> Outcome:
     return Outcome(value=resource.getrlimit(resource.RLIMIT_DATA)[0])
 
 
+def tell_looks() -> tuple[bool, str]:
+    """Tell whether Dask profiles this process, and how often it looks whether it answers."""
+    from dask import config
+
+    return config.get("distributed.worker.profile.enabled"), config.get("distributed.admin.tick.interval")
+
+
 def tell_folder(number: int) -> Outcome:
     return Outcome(value=str(Path.cwd()))
 

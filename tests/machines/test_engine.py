@@ -22,7 +22,16 @@ from graycard.machines._hand import Errand, Placed
 from graycard.machines._origin import differences, origin
 from graycard.processes import USUAL, Limits, Outcome, StandingWorker
 from graycard.synth import LLVM
-from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
+from worker_jobs import (
+    die_at_one,
+    end,
+    leave_mark,
+    refuse_to_write,
+    tell_folder,
+    tell_looks,
+    tell_memory,
+    tell_process,
+)
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -87,6 +96,12 @@ def test_each_worker_is_asked(machines: Machines) -> None:
     told = of_machines(machines)["machines"]
     assert [(kind["workers"], kind["cpu"]) for kind in told] == [(2, hardware()["cpu"])]
     assert of_machines(None) == {}
+
+
+def test_workers_of_this_machine_leave_its_cores_to_the_jobs(machines: Machines) -> None:
+    """Dask looks at a worker 170 times a second, which for two and a scheduler takes 13 % of a core."""
+    assert machines.ask(tell_looks) == [(False, "500ms")] * 2
+    assert tell_looks() == (True, "20ms")  # others of this process are not touched
 
 
 def test_jobs_work_in_the_folder_of_the_bench(

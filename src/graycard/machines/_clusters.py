@@ -22,6 +22,15 @@ _OVERHEAD_GIB = 1.0
 """Memory of the Dask worker beside that of the job."""
 _CONNECT_S = 10.0
 """Time that a scheduler has to answer."""
+_QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "2s",
+}
+"""Options of Dask for workers of this machine: they share its cores with the jobs.
+
+Dask would look a hundred times a second at what a worker does, and fifty times whether it answers.
+"""
 
 
 @contextmanager
@@ -85,16 +94,18 @@ def _started(spec: ClusterSpec, stack: ExitStack) -> Any:
 
 def _local(spec: ClusterSpec) -> Any:
     """Return workers of this machine, a process each."""
+    from dask.config import set as set_options
     from distributed import LocalCluster
 
-    return LocalCluster(
-        n_workers=spec.workers,
-        threads_per_worker=1,
-        memory_limit=0,  # what a job may take is limited in its own process
-        dashboard_address=":0",
-        resources=spec.resources,
-        silence_logs=logging.CRITICAL,  # a worker that dies is replaced, and its job done again
-    )
+    with set_options(_QUIET):  # workers take what holds as they are asked for
+        return LocalCluster(
+            n_workers=spec.workers,
+            threads_per_worker=1,
+            memory_limit=0,  # what a job may take is limited in its own process
+            dashboard_address=":0",
+            resources=spec.resources,
+            silence_logs=logging.CRITICAL,  # a worker that dies is replaced, and its job done again
+        )
 
 
 def _batch(spec: ClusterSpec) -> Any:
