@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -66,6 +66,11 @@ def tell_looks() -> tuple[bool, str]:
     from dask import config
 
     return config.get("distributed.worker.profile.enabled"), config.get("distributed.admin.tick.interval")
+
+
+def tick_of(dask_scheduler: Any) -> float:
+    """Return how often a scheduler looks whether it answers, ms."""
+    return dask_scheduler.periodic_callbacks["tick"].callback_time
 
 
 def tell_folder(number: int) -> Outcome:

@@ -27,9 +27,10 @@ _QUIET = {
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "2s",
 }
-"""Options of Dask for workers of this machine: they share its cores with the jobs.
+"""Options of Dask for workers of this machine and its scheduler: they share its cores with the jobs.
 
-Dask would look a hundred times a second at what a worker does, and fifty times whether it answers.
+By default Dask looks a hundred times a second at what a worker does. It looks fifty times whether each
+process answers, and twice at memory and load.
 """
 
 
@@ -97,13 +98,15 @@ def _local(spec: ClusterSpec) -> Any:
     from dask.config import set as set_options
     from distributed import LocalCluster
 
-    with set_options(_QUIET):  # workers take what holds as they are asked for
+    # scheduler and nannies are in this process; `config` reaches workers, also those that replace others
+    with set_options(_QUIET):
         return LocalCluster(
             n_workers=spec.workers,
             threads_per_worker=1,
             memory_limit=0,  # what a job may take is limited in its own process
             dashboard_address=":0",
             resources=spec.resources,
+            config=_QUIET,
             silence_logs=logging.CRITICAL,  # a worker that dies is replaced, and its job done again
         )
 
